@@ -1,0 +1,1 @@
+"""Field links and hardware-in-the-loop benches (a later part; nothing here yet)."""

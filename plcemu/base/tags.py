@@ -1,0 +1,96 @@
+"""Tags: every observable value has a name, a type and perhaps a unit and an address."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from plcemu.base.errors import UnknownNameError
+
+
+@dataclass(frozen=True, slots=True)
+class Tag:
+    """One observable value.
+
+    Attributes:
+        name: the full dotted name, such as `MAIN.FILL.X`, `plant.B1.level`, `monitor.PS1.verdict`.
+        type: an elementary type's name, or `STRING`.
+        unit: of the value, such as `l` or `degC`; empty if it has none.
+        address: the directly represented variable, such as `%QX0.1`; empty if not located.
+        comment: what it is, in the user's words.
+    """
+
+    name: str
+    type: str
+    unit: str = ""
+    address: str = ""
+    comment: str = ""
+
+
+class TagTable:
+    """The tags of one resource, plant or trace, in a fixed order; names are case-insensitive."""
+
+    def __init__(self, tags: Iterable[Tag] = ()) -> None:
+        self._tags: list[Tag] = []
+        self._full: dict[str, int] = {}
+        self._short: dict[str, list[int]] = {}
+        self._address: dict[str, int] = {}
+        for tag in tags:
+            self.add(tag)
+
+    def add(self, tag: Tag) -> int:
+        """Append a tag and return its index.
+
+        Raises:
+            ValueError: a tag of that full name is there already.
+        """
+        key = tag.name.casefold()
+        if key in self._full:
+            raise ValueError(f"there are two tags {tag.name!r}")
+        index = len(self._tags)
+        self._tags.append(tag)
+        self._full[key] = index
+        parts = key.split(".")
+        for i in range(1, len(parts)):
+            self._short.setdefault(".".join(parts[i:]), []).append(index)
+        if tag.address:
+            self._address.setdefault(tag.address.casefold(), index)
+        return index
+
+    def find(self, name: str) -> int:
+        """Return the index of the tag with this full name, unique ending of a name, or address.
+
+        Raises:
+            UnknownNameError: no tag answers to the name, or several do.
+        """
+        key = name.strip().casefold()
+        index = self._full.get(key)
+        if index is None:
+            index = self._address.get(key)
+        if index is not None:
+            return index
+        matches = self._short.get(key, [])
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            names = ", ".join(self._tags[i].name for i in matches[:5])
+            error = UnknownNameError("single tag", name, ())
+            error.message = f"{name!r} is not unique; write one of {names}"
+            raise error
+        raise UnknownNameError("tag", name, [t.name for t in self._tags] + list(self._short))
+
+    def __contains__(self, name: object) -> bool:
+        try:
+            self.find(str(name))
+        except UnknownNameError:
+            return False
+        return True
+
+    def __getitem__(self, key: int | str) -> Tag:
+        return self._tags[key if isinstance(key, int) else self.find(key)]
+
+    def __iter__(self) -> Iterator[Tag]:
+        return iter(self._tags)
+
+    def __len__(self) -> int:
+        return len(self._tags)

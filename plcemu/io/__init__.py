@@ -1,0 +1,1 @@
+"""The door between the world and the process image."""

@@ -1,0 +1,241 @@
+"""The exchange: the only door between the world and the process image.
+
+Outside, every client has a `Port`: it reads the last published image together with its own writes
+that are still waiting, and its writes queue in order. Inside, the scan latches all waiting writes
+together (`update_inputs`) and publishes the image again (`update_outputs`).
+
+The image of an area is kept as bytes in wire order: bits packed from the lowest upwards, larger
+elements big-endian. The engine's memory holds a BOOL in a byte and numbers little-endian; the
+conversion happens here, once a scan, and only where something changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plcemu.base.areas import AREAS, SIZES
+from plcemu.base.errors import LimitError
+
+MEMORY = "MEMORY"
+"""Pseudo-area for variables without an address: offsets and bytes are those of the memory block."""
+
+PENDING_LIMIT = 65_536
+"""The largest number of writes that may wait for one scan; one more is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """A stretch of an area that the program uses, and where it stands in the memory block.
+
+    Attributes:
+        area: two letters, such as `QX`.
+        first: its first element (for an area X the first bit, a multiple of 8).
+        count: its elements (for an area X bits, a multiple of 8).
+        offset: of its first element in the memory block, in bytes.
+    """
+
+    area: str
+    first: int
+    count: int
+    offset: int
+
+    @property
+    def is_bits(self) -> bool:
+        """Whether each element is one bit of the image and one byte of memory."""
+        return self.area[1] == "X"
+
+    @property
+    def width(self) -> int:
+        """Bytes of one element in memory."""
+        return SIZES[self.area[1]]
+
+    @property
+    def image_slice(self) -> slice:
+        """Where it stands in the area's image, in bytes."""
+        if self.is_bits:
+            return slice(self.first // 8, (self.first + self.count) // 8)
+        return slice(self.first * self.width, (self.first + self.count) * self.width)
+
+    @property
+    def memory_slice(self) -> slice:
+        """Where it stands in the memory block, in bytes."""
+        return slice(self.offset, self.offset + self.count * self.width)
+
+    def to_image(self, raw: bytes) -> bytes:
+        """Convert memory bytes to image bytes."""
+        if not self.is_bits:
+            return _swapped(raw, self.width)
+        return int(raw[::-1].translate(_DIGITS), 2).to_bytes(self.count // 8, "little")
+
+    def to_memory(self, image: bytes) -> bytes:
+        """Convert image bytes to memory bytes."""
+        if not self.is_bits:
+            return _swapped(image, self.width)
+        digits = format(int.from_bytes(image, "little"), f"0{self.count}b").encode()
+        return digits.translate(_VALUES)[::-1]
+
+
+_DIGITS = bytes(48 + (i != 0) for i in range(256))
+_VALUES = bytes(1 if i == 49 else 0 for i in range(256))
+
+
+def _swapped(data: bytes, width: int) -> bytes:
+    """Reverse the bytes of every element of `width` bytes."""
+    if width == 1:
+        return bytes(data)
+    out = bytearray(len(data))
+    for i in range(width):
+        out[i::width] = data[width - 1 - i::width]
+    return bytes(out)
+
+
+@dataclass(frozen=True, slots=True)
+class _Write:
+    port: Port
+    area: str
+    offset: int
+    data: bytes
+    mask: bytes | None
+
+
+def _merge(target: bytearray, offset: int, data: bytes, mask: bytes | None) -> None:
+    if mask is None:
+        target[offset:offset + len(data)] = data
+        return
+    for i, (value, bits) in enumerate(zip(data, mask, strict=True), offset):
+        target[i] = (target[i] & ~bits & 0xFF) | (value & bits)
+
+
+class Port:
+    """One client's view of the exchange.
+
+    Attributes:
+        name: who it is, for logs and for the choice of who drives the inputs.
+    """
+
+    def __init__(self, exchange: Exchange, name: str) -> None:
+        self.name = name
+        self._exchange = exchange
+        self._pending: list[_Write] = []
+
+    def read(self, area: str, offset: int, n: int) -> bytes:
+        """Return `n` bytes of an area's image from a byte offset: last published, own writes over it.
+
+        Raises:
+            KeyError: there is no such area.
+            IndexError: the stretch leaves the area.
+        """
+        data = bytearray(self._exchange.published(area, offset, n))
+        for write in self._pending:
+            if write.area == area and write.offset < offset + n \
+                    and offset < write.offset + len(write.data):
+                low, high = max(write.offset, offset), min(write.offset + len(write.data), offset + n)
+                part = slice(low - write.offset, high - write.offset)
+                mask = write.mask[part] if write.mask is not None else None
+                _merge(data, low - offset, write.data[part], mask)
+        return bytes(data)
+
+    def write(self, area: str, offset: int, data: bytes, mask: bytes | None = None) -> None:
+        """Queue bytes for an area's image; with a mask only the bits that are 1 in it.
+
+        Raises:
+            KeyError: there is no such area.
+            IndexError: the stretch leaves the area.
+            LimitError: `PENDING_LIMIT` writes wait for the next scan already.
+        """
+        self._exchange.published(area, offset, len(data))
+        write = _Write(self, area, offset, bytes(data), mask)
+        self._exchange.queue(write)
+        self._pending.append(write)
+
+    def latched(self) -> None:
+        """Forget the writes that have gone into the image (called by the exchange)."""
+        self._pending.clear()
+
+
+class Exchange:
+    """The process image as the world sees it, over one memory block.
+
+    Args:
+        memory: the engine's memory block.
+        extents: the stretches of the areas that stand in it.
+    """
+
+    def __init__(self, memory: bytearray, extents: Sequence[Extent] = ()) -> None:
+        self._memory = memory
+        self._extents = tuple(extents)
+        self._image = {area: bytearray(size) for area, size in AREAS.items()}
+        self._queue: list[_Write] = []
+        self._forces: dict[int, bytes] = {}
+        self._last_raw: list[bytes] = [b""] * len(self._extents)
+        self.writers: set[str] = set()
+        """The names of the ports whose writes went into input areas at the last latch."""
+        self.update_outputs()
+
+    def port(self, name: str) -> Port:
+        """Return a new client's view."""
+        return Port(self, name)
+
+    @property
+    def waiting(self) -> int:
+        """The number of writes that wait for the next scan."""
+        return len(self._queue)
+
+    def published(self, area: str, offset: int, n: int) -> bytes:
+        """Return bytes of an area's published image (of memory, for the pseudo-area MEMORY)."""
+        image = self._memory if area == MEMORY else self._image[area]
+        if offset < 0 or n < 0 or offset + n > len(image):
+            raise IndexError(f"bytes {offset} to {offset + n} of {area} ({len(image)} bytes)")
+        return bytes(image[offset:offset + n])
+
+    def queue(self, write: _Write) -> None:
+        """Let a write wait for the next scan."""
+        if len(self._queue) >= PENDING_LIMIT:
+            raise LimitError(f"{PENDING_LIMIT} writes wait for the next scan; no more are taken")
+        self._queue.append(write)
+
+    def force(self, offset: int, data: bytes) -> None:
+        """Hold bytes of memory at a value from the next scan on, whoever writes them."""
+        self._forces[offset] = bytes(data)
+
+    def unforce(self, offset: int) -> None:
+        """End the force at an offset; without one, nothing happens."""
+        self._forces.pop(offset, None)
+
+    @property
+    def forces(self) -> dict[int, bytes]:
+        """The forces in effect: memory offset to bytes."""
+        return dict(self._forces)
+
+    def update_inputs(self) -> None:
+        """Latch all waiting writes together into image and memory, then the forces."""
+        self.writers = set()
+        if self._queue:
+            waiting, self._queue = self._queue, []
+            touched: set[str] = set()
+            for write in waiting:
+                target = self._memory if write.area == MEMORY else self._image[write.area]
+                _merge(target, write.offset, write.data, write.mask)
+                touched.add(write.area)
+                if write.area[0] == "I":
+                    self.writers.add(write.port.name)
+                write.port.latched()
+            for extent in self._extents:
+                if extent.area in touched:
+                    image = bytes(self._image[extent.area][extent.image_slice])
+                    self._memory[extent.memory_slice] = extent.to_memory(image)
+        self._apply_forces()
+
+    def update_outputs(self) -> None:
+        """Publish what the scan left in memory, forces over it."""
+        self._apply_forces()
+        for i, extent in enumerate(self._extents):
+            raw = bytes(self._memory[extent.memory_slice])
+            if raw != self._last_raw[i]:
+                self._last_raw[i] = raw
+                self._image[extent.area][extent.image_slice] = extent.to_image(raw)
+
+    def _apply_forces(self) -> None:
+        for offset, data in self._forces.items():
+            self._memory[offset:offset + len(data)] = data

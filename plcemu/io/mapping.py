@@ -1,0 +1,75 @@
+"""Points: how a plant's or a field device's values stand in the process image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from plcemu.base.areas import SIZES, Address
+from plcemu.base.errors import PlcemuError
+
+
+class PointError(PlcemuError):
+    """A value does not fit its place in the process image."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A named value at an address.
+
+    Attributes:
+        name: of the plant's port, such as `B1.level`.
+        address: where its raw value stands.
+        scale: engineering units for one raw count (exact); raw = round(value / scale).
+    """
+
+    name: str
+    address: Address
+    scale: Fraction = Fraction(1)
+
+    @property
+    def is_bit(self) -> bool:
+        """Whether the raw value is one bit."""
+        return self.address.area[1] == "X"
+
+    @property
+    def width(self) -> int:
+        """Bytes of the raw value in the image."""
+        return SIZES[self.address.area[1]]
+
+    def to_raw(self, value: bool | int | float) -> int:
+        """Return the raw value: a bit, or a two's complement number as wide as the address.
+
+        Values beyond the range of the raw value saturate, as a real input module's do.
+        """
+        if self.is_bit:
+            return int(bool(value))
+        counts = round(Fraction(value) / self.scale) if self.scale != 1 else round(value)
+        high = (1 << (8 * self.width - 1)) - 1
+        return max(-high - 1, min(high, counts)) & ((1 << 8 * self.width) - 1)
+
+    def to_value(self, raw: int) -> bool | float:
+        """Return the value in engineering units."""
+        if self.is_bit:
+            return bool(raw)
+        signed = raw - (1 << 8 * self.width) if raw >> (8 * self.width - 1) else raw
+        return float(signed * self.scale)
+
+    def image_write(self, raw: int) -> tuple[str, int, bytes, bytes | None]:
+        """Return (area, byte offset, data, mask) that put a raw value into the image."""
+        area, index = self.address.area, self.address.index
+        if self.is_bit:
+            bit = 1 << index % 8
+            return area, index // 8, bytes([bit if raw else 0]), bytes([bit])
+        return area, index * self.width, raw.to_bytes(self.width, "big"), None
+
+    def image_place(self) -> tuple[str, int, int]:
+        """Return (area, byte offset, bytes) of the value in the image."""
+        index = self.address.index
+        return self.address.area, index // 8 if self.is_bit else index * self.width, self.width
+
+    def from_image(self, data: bytes) -> int:
+        """Return the raw value from the image's bytes."""
+        if self.is_bit:
+            return data[0] >> self.address.index % 8 & 1
+        return int.from_bytes(data, "big")
