@@ -1,0 +1,214 @@
+"""The resource: one PLC's processor with its tasks, its state and its safe outputs.
+
+Knows no clock: it is told the instant of each release and runs what is due.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from plcemu.base.errors import PlcemuError, ProgramFault
+from plcemu.base.types import Value
+from plcemu.engine.interpreter import BUDGET, Interpreter
+from plcemu.engine.memory import Memory
+from plcemu.ir.program import Program, Task
+
+
+class State(enum.Enum):
+    """The states of a resource. Outputs are at their safe values except in RUN."""
+
+    RUN = "RUN"
+    STOP = "STOP"
+    FAULT = "FAULT"
+
+
+class Engine(Protocol):
+    """What runs a program's functions on its memory block."""
+
+    name: str
+
+    def run(self, function: str, base: int) -> None:
+        """Run a function on the instance at an address; raises `ProgramFault`."""
+
+
+ENGINES = ("auto", "interpreter")
+"""The engines to choose from; `auto` is the fastest that this platform has."""
+
+
+@dataclass(slots=True)
+class _TaskState:
+    """A task as it runs: its instances' code, and whether its last scan changed nothing."""
+
+    task: Task
+    interval_ns: int
+    runs: list[tuple[str, int]]
+    quiet: bool = False
+
+
+class Resource:
+    """Runs a program's tasks on one memory block.
+
+    Args:
+        program: the compiled program.
+        cycle_ns: the interval of tasks that name none.
+        engine: one of `ENGINES`.
+        tasks: instead of the program's own.
+        safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
+        budget: instructions that jumps backwards may cost in one run of a task.
+
+    Raises:
+        PlcemuError: an unknown engine, an interval that is not positive, a task of no program.
+    """
+
+    def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
+                 tasks: Sequence[Task] | None = None,
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
+        if engine not in ENGINES:
+            raise PlcemuError(f"there is no engine {engine!r}; choose one of {', '.join(ENGINES)}")
+        self.program = program
+        self.memory = Memory(program.layout)
+        self.engine: Engine = Interpreter(program, self.memory.block, budget)
+        self.state = State.RUN
+        self.fault: ProgramFault | None = None
+        self._tasks = self._prepare(program, tasks or program.tasks, cycle_ns)
+        self._safe = self._safe_places(safe_outputs or {})
+        self._last_ns: int | None = None
+
+    @staticmethod
+    def _prepare(program: Program, tasks: Sequence[Task], cycle_ns: int) -> list[_TaskState]:
+        prepared = []
+        for task in sorted(tasks, key=lambda t: t.priority):
+            interval = task.interval_ns or cycle_ns
+            if interval <= 0 or task.phase_ns < 0:
+                raise PlcemuError(f"task {task.name}: the interval must be positive, the phase "
+                                  "not negative")
+            try:
+                instances = [program.instance(name) for name in task.programs]
+            except KeyError as missing:
+                known = ", ".join(i.name for i in program.instances)
+                raise PlcemuError(f"task {task.name}: there is no program {missing}; "
+                                  f"there is {known}") from None
+            runs = [(i.function, i.base) for i in instances]
+            prepared.append(_TaskState(task, interval, runs))
+        return prepared
+
+    def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
+        """Return what to write into memory for safe outputs: zeros, then the configured values."""
+        zeros = [(e.offset, bytes(self._extent_size(e.area, e.count)))
+                 for e in self.program.layout.extents if e.area[0] == "Q"]
+        chosen = []
+        for name, value in values.items():
+            offset, row = self.memory.place(self.memory.tags.find(name))
+            chosen.append((offset, row.pack(value)))
+        return zeros + chosen
+
+    @staticmethod
+    def _extent_size(area: str, count: int) -> int:
+        return count * {"X": 1, "B": 1, "W": 2, "D": 4, "L": 8}[area[1]]
+
+    # ------------------------------------------------------------ state
+
+    def cold_start(self) -> None:
+        """Set memory to its initial values and go to RUN."""
+        self.memory.cold_start()
+        self.fault, self.state = None, State.RUN
+        self._wake()
+
+    def stop(self) -> None:
+        """Go to STOP: nothing runs, outputs take their safe values."""
+        self.state = State.STOP
+        self._make_safe()
+
+    def resume(self) -> None:
+        """Go to RUN with memory as it is (a warm start)."""
+        self.fault, self.state = None, State.RUN
+        self._wake()
+
+    def _make_safe(self) -> None:
+        for offset, data in self._safe:
+            self.memory.block[offset:offset + len(data)] = data
+
+    # ------------------------------------------------------------ scan
+
+    @property
+    def tasks(self) -> list[Task]:
+        """The tasks, the most urgent first."""
+        return [state.task for state in self._tasks]
+
+    def is_due(self, t_ns: int) -> bool:
+        """Whether any task is released at an instant."""
+        return any(_is_due(state, t_ns) for state in self._tasks)
+
+    def first_release_ns(self, not_before_ns: int) -> int:
+        """Return the first instant, not before another, at which a task is released."""
+        return min(_first_release(state, not_before_ns) for state in self._tasks)
+
+    def scan(self, t_ns: int) -> None:
+        """Let time pass up to an instant, then run the tasks released at it, by priority."""
+        elapsed = 0 if self._last_ns is None else t_ns - self._last_ns
+        self._last_ns = t_ns
+        if self.state is not State.RUN:
+            self._make_safe()
+            return
+        if elapsed:
+            self.memory.advance_clocks(elapsed)
+        for state in self._tasks:
+            if _is_due(state, t_ns) and not self._run(state, t_ns):
+                return
+
+    def _run(self, state: _TaskState, t_ns: int) -> bool:
+        before = bytes(self.memory.block)
+        try:
+            for function, base in state.runs:
+                self.engine.run(function, base)
+        except ProgramFault as fault:
+            self.fault = ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
+                                      place=fault.place, t_ns=t_ns)
+            self.state = State.FAULT
+            self._make_safe()
+            return False
+        if self.memory.block != before:
+            self._wake()
+        else:
+            state.quiet = True
+        return True
+
+    def _wake(self) -> None:
+        for state in self._tasks:
+            state.quiet = False
+
+    def is_quiet(self) -> bool:
+        """Whether scans at later releases would change nothing while the inputs stay as they are.
+
+        So it is when every task's last scan changed no byte, and no clock that the program reads
+        runs. In STOP and FAULT nothing runs.
+        """
+        if self.state is not State.RUN:
+            return True
+        return all(state.quiet for state in self._tasks) and not self.memory.running_clocks()
+
+    def inputs_changed(self) -> None:
+        """Tell that memory was written from outside, so that scans matter again."""
+        self._wake()
+
+    def snapshot(self) -> bytes:
+        """Return the whole state as bytes; it holds no absolute time."""
+        return self.memory.snapshot()
+
+    def restore(self, image: bytes) -> None:
+        """Set the whole state and go to RUN; raises `ValueError` for another program's image."""
+        self.memory.restore(image)
+        self.resume()
+
+
+def _is_due(state: _TaskState, t_ns: int) -> bool:
+    since = t_ns - state.task.phase_ns
+    return since >= 0 and since % state.interval_ns == 0
+
+
+def _first_release(state: _TaskState, not_before_ns: int) -> int:
+    since = max(0, not_before_ns - state.task.phase_ns)
+    return state.task.phase_ns + -(-since // state.interval_ns) * state.interval_ns

@@ -1,0 +1,138 @@
+"""A compiled program: functions, the layout of memory, instances and tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from plcemu.base.spans import Diagnostic, Span
+from plcemu.base.tags import Tag
+
+
+class Instr(NamedTuple):
+    """One instruction: an operation of `plcemu.ir.ops`, its argument, and where it was written."""
+
+    op: str
+    arg: Any = None
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """Code that runs on one instance.
+
+    Attributes:
+        name: unique in the program, such as `BATCH` or `BATCH.P1_on`.
+        code: its instructions.
+        locals: machine types of its local variables; they start at zero in every call.
+        result: the machine type it returns, or empty.
+        pou: the POU it belongs to, in the user's spelling.
+    """
+
+    name: str
+    code: tuple[Instr, ...]
+    locals: tuple[str, ...] = ()
+    result: str = ""
+    pou: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """Where a tag's value stands in memory."""
+
+    tag: Tag
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockCell:
+    """An elapsed time in memory: two 64-bit integers, `elapsed` and then `limit`, in ns.
+
+    While `elapsed` is below `limit` it runs: the resource adds the time that has passed, up to
+    `limit`. So memory holds no absolute time, and states recur.
+
+    Attributes:
+        offset: of `elapsed` in the memory block.
+        observed: whether the program reads it, so that its running can matter.
+    """
+
+    offset: int
+    observed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ImageExtent:
+    """A stretch of a process image area in memory: elements [first, first + count)."""
+
+    area: str
+    first: int
+    count: int
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The memory block.
+
+    Attributes:
+        initial: the whole block as it stands at a cold start.
+        slots: the tags in it, in order of the tag table.
+        extents: the process image in it.
+        clocks: the clock cells in it.
+    """
+
+    initial: bytes
+    slots: tuple[Slot, ...]
+    extents: tuple[ImageExtent, ...]
+    clocks: tuple[ClockCell, ...]
+
+    @property
+    def size(self) -> int:
+        """Bytes of the block."""
+        return len(self.initial)
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """A program instance: its name, its function and where its variables begin."""
+
+    name: str
+    function: str
+    base: int
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A periodic task: released at phase + k · interval; lower priority numbers run first.
+
+    An interval of 0 means the resource's own cycle.
+    """
+
+    name: str
+    interval_ns: int = 0
+    priority: int = 0
+    phase_ns: int = 0
+    programs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """All that an engine needs to run."""
+
+    functions: dict[str, Function]
+    layout: Layout
+    instances: tuple[Instance, ...]
+    tasks: tuple[Task, ...]
+    warnings: Sequence[Diagnostic] = field(default=())
+
+    def instance(self, name: str) -> Instance:
+        """Return the program instance of that name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for instance in self.instances:
+            if instance.name.casefold() == name.casefold():
+                return instance
+        raise KeyError(name)

@@ -1,0 +1,214 @@
+"""Instruction List (IEC 61131-3, 3.2): one table of operators, one instruction a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from plcemu.base.errors import did_you_mean
+from plcemu.base.spans import Span
+from plcemu.lang import syntax as s
+from plcemu.lang.cursor import RESERVED, Cursor, SyntaxFailure
+from plcemu.lang.st import parse_arguments, parse_expression
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """An IL operator (table 52).
+
+    Attributes:
+        modifiers: of `N`, `C` and `(`, those it takes.
+        operand: `value`, `variable`, `label`, `call` or `none`.
+    """
+
+    modifiers: str
+    operand: str
+
+
+OPERATORS: dict[str, Operator] = {
+    "LD": Operator("N", "value"),
+    "ST": Operator("N", "variable"),
+    "S": Operator("", "variable"),
+    "R": Operator("", "variable"),
+    "AND": Operator("N(", "value"),
+    "&": Operator("N(", "value"),
+    "OR": Operator("N(", "value"),
+    "XOR": Operator("N(", "value"),
+    "NOT": Operator("", "none"),
+    **{op: Operator("(", "value") for op in
+       ("ADD", "SUB", "MUL", "DIV", "MOD", "GT", "GE", "EQ", "NE", "LE", "LT")},
+    "JMP": Operator("CN", "label"),
+    "CAL": Operator("CN", "call"),
+    "RET": Operator("CN", "none"),
+}
+
+_SPELLINGS: dict[str, tuple[str, bool, bool]] = {}
+for _op, _row in OPERATORS.items():
+    _SPELLINGS[_op] = (_op, False, False)
+    if "C" in _row.modifiers:
+        _SPELLINGS[_op + "C"] = (_op, False, True)
+        _SPELLINGS[_op + "CN"] = (_op, True, True)
+    elif "N" in _row.modifiers and _op != "&":
+        _SPELLINGS[_op + "N"] = (_op, True, False)
+_SPELLINGS["&N"] = ("&", True, False)
+
+_CLOSERS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "END_TRANSITION")
+
+
+def looks_like_il(cursor: Cursor) -> bool:
+    """Whether a body that starts here is IL: a label or an operator that ST would not start with."""
+    ahead = 0
+    if cursor.token.kind == "name" and cursor.peek().text == ":":
+        ahead = 2
+    token, following = cursor.peek(ahead), cursor.peek(ahead + 1)
+    if token.upper not in _SPELLINGS:
+        return ahead == 2
+    return following.text not in (":=", ".", "[", ";") or following.starts_line
+
+
+def parse_il(cursor: Cursor) -> s.IlBody:
+    """Parse instructions up to the keyword that closes the body."""
+    start = cursor.place()
+    return s.IlBody(start.to(cursor.place()), _instructions(cursor, _CLOSERS))
+
+
+def _instructions(cursor: Cursor, closers: tuple[str, ...]) -> tuple[s.Instruction, ...]:
+    found: list[s.Instruction] = []
+    while not cursor.at_end() and not cursor.at(*closers):
+        if cursor.accept(";"):
+            continue
+        if cursor.token.kind == "name" and cursor.token.upper in RESERVED:
+            break
+        try:
+            found.append(_instruction(cursor))
+        except SyntaxFailure:
+            _skip_line(cursor)
+    return tuple(found)
+
+
+def _skip_line(cursor: Cursor) -> None:
+    """Resume at the next line; the mistake costs its own line only."""
+    while not cursor.at_end() and not cursor.at(*_CLOSERS):
+        if cursor.peek().starts_line:
+            cursor.advance()
+            return
+        cursor.advance()
+
+
+def _instruction(cursor: Cursor) -> s.Instruction:
+    start, label = cursor.token.span, ""
+    if cursor.token.kind == "name" and cursor.peek().text == ":":
+        label = cursor.advance().text
+        cursor.advance()
+        if cursor.token.starts_line or cursor.at(*_CLOSERS):
+            return s.Instruction(start, label, "")
+    op, negated, conditional = _operator(cursor)
+    kind = OPERATORS[op].operand
+    if kind == "value":
+        return _with_value(cursor, s.Instruction(start, label, op, negated))
+    if kind == "none":
+        return s.Instruction(start, label, op, negated, conditional)
+    if kind == "variable":
+        operand = _operand(cursor, op)
+        if not isinstance(operand, s.Name | s.Direct):
+            cursor.report.error("P0013", operand.span, f"{op} takes a variable")
+            raise SyntaxFailure
+        return s.Instruction(start.to(operand.span), label, op, negated, False, operand)
+    if kind == "label":
+        target = cursor.identifier(f"a label after {op}")
+        operand = s.Name(target.span, (target.text,))
+        return s.Instruction(start.to(target.span), label, op, negated, conditional, operand)
+    return _call(cursor, s.Instruction(start, label, op, negated, conditional))
+
+
+def _operator(cursor: Cursor) -> tuple[str, bool, bool]:
+    token = cursor.token
+    spelling = token.upper
+    if token.kind == "op" and spelling == "&" and cursor.peek().upper == "N":
+        cursor.advance()
+        spelling = "&N"
+    if spelling not in _SPELLINGS:
+        if token.kind == "name":
+            base = spelling.rstrip("CN")
+            if base in OPERATORS and spelling != base:
+                cursor.report.error("P0013", token.span, f"{base} takes no modifier "
+                                    f"{spelling[len(base):]!r}")
+                raise SyntaxFailure
+            hint = did_you_mean(spelling, _SPELLINGS).removeprefix("; ")
+            cursor.report.error("P0012", token.span, f"{token.text!r} is not an IL operator", hint)
+            raise SyntaxFailure
+        raise cursor.failure("an IL operator")
+    cursor.advance()
+    return _SPELLINGS[spelling]
+
+
+def _operand(cursor: Cursor, op: str) -> s.Expr:
+    """Parse an operand: a literal, a variable or an address on the operator's own line."""
+    if cursor.token.starts_line or cursor.at_end():
+        span = cursor.previous.span
+        cursor.report.error("P0013", Span(span.source, span.start, span.end),
+                            f"{op} needs an operand on its line")
+        raise SyntaxFailure
+    sign = cursor.token.span if cursor.at("-", "+") else None
+    literal = cursor.peek() if sign else cursor.token
+    if literal.kind in ("int", "real", "time", "bool", "string"):
+        negative = sign is not None and cursor.advance().text == "-"
+        cursor.advance()
+        value = s.Literal(literal.span, literal.kind, literal.value, literal.type)
+        return s.Unary(literal.span, "NEG", value) if negative else value
+    if cursor.token.kind == "direct":
+        token = cursor.advance()
+        return s.Direct(token.span, token.text)
+    first = cursor.token
+    if first.kind != "name" or first.upper in RESERVED:
+        raise cursor.failure(f"a variable or literal after {op}")
+    cursor.advance()
+    parts, span = [first.text], first.span
+    while cursor.at(".") and cursor.peek().kind == "name":
+        cursor.advance()
+        span = span.to(cursor.token.span)
+        parts.append(cursor.advance().text)
+    return s.Name(span, tuple(parts))
+
+
+def _with_value(cursor: Cursor, head: s.Instruction) -> s.Instruction:
+    if not cursor.at("(") or cursor.token.starts_line:
+        operand = _operand(cursor, head.op)
+        return s.Instruction(head.span.to(operand.span), head.label, head.op, head.negated,
+                             False, operand)
+    if "(" not in OPERATORS[head.op].modifiers:
+        cursor.report.error("P0013", cursor.token.span, f"{head.op} takes no parenthesis")
+        raise SyntaxFailure
+    cursor.advance()
+    cursor.enter()
+    try:
+        nested = _nested(cursor, head)
+    finally:
+        cursor.leave()
+    cursor.expect(")", f"to close {head.op}(", "P0011")
+    return s.Instruction(head.span.to(cursor.previous.span), head.label, head.op, head.negated,
+                         False, None, nested)
+
+
+def _nested(cursor: Cursor, head: s.Instruction) -> tuple[s.Instruction, ...]:
+    """Parse the inside of a parenthesis; an operand right after it is loaded first (table 51a)."""
+    first: tuple[s.Instruction, ...] = ()
+    if not cursor.token.starts_line:
+        operand = _operand(cursor, head.op)
+        first = (s.Instruction(operand.span, "", "LD", False, False, operand),)
+    rest = _instructions(cursor, (")", *_CLOSERS))
+    if not first and not rest:
+        raise cursor.failure(f"an operand inside {head.op}(")
+    return first + rest
+
+
+def _call(cursor: Cursor, head: s.Instruction) -> s.Instruction:
+    name = _operand(cursor, "CAL")
+    if not isinstance(name, s.Name):
+        cursor.report.error("P0013", name.span, "CAL takes a function block instance")
+        raise SyntaxFailure
+    arguments = parse_arguments(cursor) if cursor.at("(") else ()
+    return s.Instruction(head.span.to(cursor.previous.span), head.label, head.op, head.negated,
+                         head.conditional, name, None, arguments)
+
+
+__all__ = ["OPERATORS", "Operator", "looks_like_il", "parse_expression", "parse_il"]

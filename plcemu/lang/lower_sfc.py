@@ -1,0 +1,253 @@
+"""Sequential Function Chart to statements: no engine knows of steps, transitions or actions.
+
+In a scan, first all transitions are evaluated on the steps active at its start, then all step
+flags change together, then the actions of the new situation run in textual order (docs/timing.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from plcemu.base.errors import did_you_mean
+from plcemu.base.spans import Span
+from plcemu.lang import syntax as s
+from plcemu.lang.emitter import Emitter
+from plcemu.lang.lower_st import Statements
+from plcemu.lang.report import Report
+from plcemu.lang.scope import CONTROLLED, Scope
+from plcemu.lang.types import BOOL, TIME
+
+FunctionMaker = Callable[[str, s.IlBody | s.StBody | s.Expr, str], str]
+"""Makes a function of the POU: local name, body or condition, and result type in; full name out."""
+
+
+@dataclass(slots=True)
+class _ActionUse:
+    """An action and the (step, association) pairs that command it."""
+
+    name: str
+    span: Span
+    uses: list[tuple[s.Step, s.Association]] = field(default_factory=list)
+
+
+class Chart:
+    """Lowers one SFC body into the main function of its POU."""
+
+    def __init__(self, emitter: Emitter, make: FunctionMaker) -> None:
+        self._out = emitter
+        self._make = make
+        self._scope: Scope = emitter.scope
+        self._report: Report = emitter.report
+
+    def lower(self, body: s.SfcBody) -> None:
+        """Append the code of the chart."""
+        if not self._is_sound(body):
+            return
+        self._declare_flags(body)
+        # The initial situation is taken on the first scan; transitions are evaluated from the second.
+        first = tuple(self._activate(step) for step in body.steps if step.initial)
+        evolve = (*self._fire_all(body), *(e for step in body.steps for e in _evolve(body, step)))
+        start = s.Assign(body.span, _name(body.span, "__started"), _true(body.span))
+        begin = s.If(body.span, ((s.Unary(body.span, "NOT", _name(body.span, "__started")),
+                                  (start, *first)),), evolve)
+        clocks = tuple(_clock(step) for step in body.steps)
+        actions = [made for use in self._uses(body) for made in self._action(use, body)]
+        Statements(self._out, of_chart=True).lower((begin, *clocks, *actions))
+
+    # ------------------------------------------------------------ soundness
+
+    def _is_sound(self, body: s.SfcBody) -> bool:
+        steps = {step.name.upper(): step for step in body.steps}
+        if not any(step.initial for step in body.steps):
+            self._report.error("P0051", body.span, "the chart has no INITIAL_STEP")
+        for transition in body.transitions:
+            for name in transition.sources + transition.targets:
+                if name.parts[0].upper() not in steps:
+                    hint = did_you_mean(name.parts[0], [x.name for x in body.steps])
+                    self._report.error("P0050", name.span, f"there is no step {name.parts[0]!r}",
+                                       hint.removeprefix("; "))
+        self._unique(body)
+        self._reachable(body, steps)
+        return not self._report.has_errors
+
+    def _unique(self, body: s.SfcBody) -> None:
+        seen: set[str] = set()
+        for action in body.actions:
+            if action.name.upper() in seen:
+                self._report.error("P0021", action.span, f"action {action.name!r} stands twice")
+            seen.add(action.name.upper())
+
+    def _reachable(self, body: s.SfcBody, steps: dict[str, s.Step]) -> None:
+        """Warn of steps that no way from an initial step leads to."""
+        reached = {key for key, step in steps.items() if step.initial}
+        growing = True
+        while growing:
+            growing = False
+            for transition in body.transitions:
+                if {n.parts[0].upper() for n in transition.sources} <= reached:
+                    new = {n.parts[0].upper() for n in transition.targets} - reached
+                    growing = growing or bool(new)
+                    reached |= new
+        for key in steps.keys() - reached:
+            self._report.warning("P0055", steps[key].span,
+                                 f"nothing reaches step {steps[key].name!r}")
+
+    # ------------------------------------------------------------ evolution
+
+    def _declare_flags(self, body: s.SfcBody) -> None:
+        for n in range(len(body.transitions)):
+            self._out.declare_local(_fired(n), BOOL)
+        for step in body.steps:
+            self._out.declare_local(f"__on_{step.name}", BOOL)
+            self._out.declare_local(f"__off_{step.name}", BOOL)
+
+    def _activate(self, step: s.Step) -> s.Statement:
+        return s.Assign(step.span, _name(step.span, f"__on_{step.name}"), _true(step.span))
+
+    def _fire_all(self, body: s.SfcBody) -> tuple[s.Statement, ...]:
+        """Decide which transitions fire: by priority, then from left to right (table 41)."""
+        ranked = sorted(enumerate(body.transitions),
+                        key=lambda item: (item[1].priority is None, item[1].priority or 0, item[0]))
+        statements: list[s.Statement] = []
+        before: list[tuple[int, set[str]]] = []
+        for n, transition in ranked:
+            sources = {name.parts[0].upper() for name in transition.sources}
+            span = transition.span
+            enabled: list[s.Expr] = [_name(span, name.parts[0], "X") for name in transition.sources]
+            enabled += [s.Unary(span, "NOT", _name(span, _fired(m)))
+                        for m, taken in before if taken & sources]
+            name = self._make(transition.name or f"transition_{n + 1}", transition.condition, "bool")
+            fire = s.Assign(span, _name(span, _fired(n)), s.Evaluate(span, name))
+            statements.append(s.If(span, ((_all(enabled, span), (fire,)),)))
+            before.append((n, sources))
+        return tuple(statements)
+
+    # ------------------------------------------------------------ actions
+
+    def _uses(self, body: s.SfcBody) -> list[_ActionUse]:
+        """Return the actions in textual order, each with everything that commands it."""
+        uses: dict[str, _ActionUse] = {}
+        for step in body.steps:
+            for association in step.associations:
+                use = uses.setdefault(association.action.upper(),
+                                      _ActionUse(association.action, association.span))
+                use.uses.append((step, association))
+        return list(uses.values())
+
+    def _action(self, use: _ActionUse, body: s.SfcBody) -> list[s.Statement]:
+        active = self._command(use)
+        control = f"__control_{use.name.upper()}"
+        statements: list[s.Statement] = []
+        if control.upper() in self._scope.places:
+            statements = self._control(use, control, active)
+            active = _name(use.span, control, "Q")
+        declared = next((a for a in body.actions if a.name.upper() == use.name.upper()), None)
+        if declared is not None:
+            run = s.RunAction(declared.span, self._make(declared.name, declared.body, ""))
+            return [*statements, s.If(declared.span, ((active, (run,)),))]
+        if not self._is_boolean_variable(use):
+            return []
+        target = _name(use.span, *use.name.split("."))
+        return [*statements, s.Assign(use.span, target, active)]
+
+    def _is_boolean_variable(self, use: _ActionUse) -> bool:
+        place = self._scope.places.get(use.name.upper())
+        if place is not None and place.type == BOOL:
+            return True
+        known = [p.name for p in self._scope.places.values() if p.type == BOOL]
+        self._report.error("P0054", use.span, f"there is no action or BOOL variable {use.name!r}",
+                           did_you_mean(use.name, known).removeprefix("; "))
+        return False
+
+    def _command(self, use: _ActionUse) -> s.Expr:
+        """Return when the action runs by the qualifiers that need no memory: N, P, P1 and P0."""
+        terms = [_pulse(step, a) for step, a in use.uses if a.qualifier not in CONTROLLED]
+        return _any(terms, use.span)
+
+    def _control(self, use: _ActionUse, control: str, active: s.Expr) -> list[s.Statement]:
+        """Return the statements that work the action's control block (figure 14)."""
+        statements: list[s.Statement] = []
+        arguments = [s.Argument(use.span, "N", active)]
+        for qualifier in sorted(CONTROLLED):
+            chosen = [(step, a) for step, a in use.uses if a.qualifier == qualifier]
+            for step, association in chosen:
+                if association.time is not None:
+                    self._duration(association, control, step, statements)
+            flags = [_name(a.span, step.name, "X") for step, a in chosen]
+            arguments.append(s.Argument(use.span, qualifier, _any(flags, use.span)))
+        statements.append(s.Invoke(use.span, _name(use.span, control), tuple(arguments)))
+        return statements
+
+    def _duration(self, association: s.Association, control: str, step: s.Step,
+                  statements: list[s.Statement]) -> None:
+        """Set the duration for a timed qualifier while its step is active."""
+        assert association.time is not None
+        span = association.time.span
+        set_time = s.Assign(span, _name(span, control, f"T_{association.qualifier}"),
+                            association.time)
+        statements.append(s.If(span, ((_name(span, step.name, "X"), (set_time,)),)))
+
+
+def _evolve(body: s.SfcBody, step: s.Step) -> list[s.Statement]:
+    """Return the statements that tell whether a step is entered and left, and its new flag."""
+    key, span = step.name.upper(), step.span
+
+    def fired(side: Callable[[s.Transition], tuple[s.Name, ...]]) -> s.Expr:
+        return _any([_name(span, _fired(n)) for n, t in enumerate(body.transitions)
+                     if key in {name.parts[0].upper() for name in side(t)}], span)
+
+    return [s.Assign(span, _name(span, f"__on_{step.name}"), fired(lambda t: t.targets)),
+            s.Assign(span, _name(span, f"__off_{step.name}"), fired(lambda t: t.sources))]
+
+
+def _clock(step: s.Step) -> s.Statement:
+    """Set a step's flag; its time starts when it is entered and stands still when it is left."""
+    span = step.span
+
+    def assign(target: tuple[str, ...], value: s.Expr) -> s.Statement:
+        return s.Assign(span, _name(span, *target), value)
+
+    entered = (assign((step.name, "X"), _true(span)),
+               assign((step.name, "T"), s.Literal(span, "time", 0, "TIME")),
+               assign((step.name, "__limit"), s.Literal(span, "time", TIME.high, "TIME")))
+    left = (assign((step.name, "X"), s.Literal(span, "bool", False)),
+            assign((step.name, "__limit"), _name(span, step.name, "T")))
+    return s.If(span, ((_name(span, f"__on_{step.name}"), entered),
+                       (_name(span, f"__off_{step.name}"), left)))
+
+
+def _pulse(step: s.Step, association: s.Association) -> s.Expr:
+    span = association.span
+    by_qualifier = {"N": (step.name, "X"), "P0": (f"__off_{step.name}",)}
+    return _name(span, *by_qualifier.get(association.qualifier, (f"__on_{step.name}",)))
+
+
+def _fired(n: int) -> str:
+    return f"__fired_{n + 1}"
+
+
+def _name(span: Span, *parts: str) -> s.Name:
+    return s.Name(span, parts)
+
+
+def _true(span: Span) -> s.Expr:
+    return s.Literal(span, "bool", True)
+
+
+def _joined(op: str, terms: list[s.Expr], empty: bool, span: Span) -> s.Expr:
+    if not terms:
+        return s.Literal(span, "bool", empty)
+    joined = terms[0]
+    for term in terms[1:]:
+        joined = s.Binary(span, op, joined, term)
+    return joined
+
+
+def _any(terms: list[s.Expr], span: Span) -> s.Expr:
+    return _joined("OR", terms, False, span)
+
+
+def _all(terms: list[s.Expr], span: Span) -> s.Expr:
+    return _joined("AND", terms, True, span)
+

@@ -1,0 +1,298 @@
+"""Statements of Structured Text to IR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from plcemu.base.errors import did_you_mean
+from plcemu.base.spans import Span
+from plcemu.base.types import ElementaryType
+from plcemu.lang import syntax as s
+from plcemu.lang.emitter import Emitter
+from plcemu.lang.expressions import Expressions
+from plcemu.lang.types import BOOL, BlockType, Place
+
+
+class Statements:
+    """Lowers statements into one function.
+
+    Args:
+        emitter: of the function.
+        of_chart: whether they are an SFC's own, which may set steps.
+    """
+
+    def __init__(self, emitter: Emitter, of_chart: bool = False) -> None:
+        self.out = emitter
+        self._of_chart = of_chart
+        self.expressions = Expressions(emitter)
+        self._exits: list[int] = []
+
+    def lower(self, statements: tuple[s.Statement, ...]) -> None:
+        """Append the code of statements."""
+        for statement in statements:
+            _LOWER[type(statement)](self, statement)
+
+    def assign(self, statement: s.Assign) -> None:
+        """`target := value`."""
+        target = self.writable(statement.target)
+        if target is None:
+            self.expressions.infer(statement.value)
+            return
+        if self.expressions.emit(statement.value, target[1]):
+            self.out.store(target[0], target[1], statement.span)
+
+    def writable(self, node: s.Name | s.Direct) -> tuple[Place, ElementaryType] | None:
+        """Return the place of a variable that may be written; a mistake goes to the report."""
+        found = self.out.value_place(node)
+        if found and found[0].read_only and not self._of_chart:
+            self.out.report.error("P0024", node.span,
+                                  f"{found[0].name} cannot be written: {found[0].read_only}")
+            return None
+        return found
+
+    # ------------------------------------------------------------ calls
+
+    def invoke(self, call: s.Invoke) -> None:
+        """Call a function block instance: inputs in, body, outputs out (IEC 61131-3, 2.5.2)."""
+        place = self.out.place(call.instance)
+        if place is None:
+            return
+        block = place.type
+        if not isinstance(block, BlockType) or block.kind != "FUNCTION_BLOCK":
+            self.out.report.error("P0026", call.instance.span,
+                                  f"{call.instance} is not a function block instance")
+            return
+        self._inputs(call, place, block)
+        self.out.emit("addr", (place.base, place.offset), call.span)
+        self.out.emit("call", block.name.upper(), call.span)
+        for argument in call.arguments:
+            if argument.is_output:
+                self._output(argument, place, block)
+
+    def _inputs(self, call: s.Invoke, place: Place, block: BlockType) -> None:
+        inputs = [f for f in block.fields.values() if f.section == "VAR_INPUT"]
+        given = [a for a in call.arguments if not a.is_output]
+        informal = [a for a in given if not a.name]
+        if informal and len(informal) != len(given):
+            self.out.report.error("P0026", call.span, "either all arguments have names or none has")
+            return
+        if len(informal) > len(inputs):
+            self.out.report.error("P0026", informal[len(inputs)].span,
+                                  f"{block.name} has {len(inputs)} inputs, {len(informal)} are given")
+            return
+        for n, argument in enumerate(given):
+            name = argument.name or inputs[n].name
+            field = block.fields.get(name.upper())
+            if field is None or field.section != "VAR_INPUT":
+                known = [f.name for f in inputs]
+                self.out.report.error("P0026", argument.span, f"{block.name} has no input {name!r}",
+                                      did_you_mean(name, known).removeprefix("; ")
+                                      or f"its inputs are {', '.join(known)}")
+                continue
+            assert isinstance(field.type, ElementaryType)
+            if self.expressions.emit(argument.value, field.type):
+                target = Place(place.base, place.offset + field.offset, field.type)
+                self.out.store(target, field.type, argument.span)
+
+    def _output(self, argument: s.Argument, place: Place, block: BlockType) -> None:
+        field = block.fields.get(argument.name.upper())
+        if field is None or field.section != "VAR_OUTPUT":
+            known = [f.name for f in block.fields.values() if f.section == "VAR_OUTPUT"]
+            self.out.report.error("P0026", argument.span,
+                                  f"{block.name} has no output {argument.name!r}",
+                                  f"its outputs are {', '.join(known)}")
+            return
+        if not isinstance(argument.value, s.Name | s.Direct):
+            self.out.report.error("P0024", argument.value.span, "an output goes into a variable")
+            return
+        source = s.Name(argument.span, (*_parts(place), field.name))
+        target = self.writable(argument.value)
+        assert isinstance(field.type, ElementaryType)
+        if target is None:
+            return
+        if not argument.negated and target[1] != field.type:
+            self.out.report.error("P0023", argument.span,
+                                  f"{source} is {field.type.name}, {argument.value} {target[1].name}")
+            return
+        self.out.load(Place(place.base, place.offset + field.offset, field.type), field.type,
+                      argument.span)
+        if argument.negated:
+            self.out.emit(f"not.{field.type.machine}", None, argument.span)
+        self.out.store(target[0], target[1], argument.span)
+
+    def run_action(self, statement: s.RunAction) -> None:
+        """Run an action's body on this instance."""
+        self.out.emit("addr", ("this", 0), statement.span)
+        self.out.emit("call", statement.function, statement.span)
+
+    # ------------------------------------------------------------ control
+
+    def condition(self, expr: s.Expr, false_label: int) -> None:
+        """Jump to a label unless a BOOL expression is TRUE."""
+        if self.expressions.emit(expr, BOOL):
+            self.out.emit("jumpifnot", false_label, expr.span)
+
+    def if_(self, statement: s.If) -> None:
+        """IF, ELSIF, ELSE."""
+        end = self.out.new_label()
+        for condition, body in statement.branches:
+            following = self.out.new_label()
+            self.condition(condition, following)
+            self.lower(body)
+            self.out.emit("jump", end)
+            self.out.emit("label", following)
+        self.lower(statement.otherwise)
+        self.out.emit("label", end)
+
+    def case(self, statement: s.Case) -> None:
+        """CASE: the first branch with a label that holds the selector's value."""
+        of = self.expressions.emit_natural(statement.selector)
+        if of is None:
+            return
+        if of.kind not in ("int", "uint"):
+            self.out.report.error("P0023", statement.selector.span,
+                                  f"CASE selects by an integer, not by {of.name}")
+            return
+        selector, end = Place("local", self.out.new_local(of.machine), of), self.out.new_label()
+        self.out.store(selector, of, statement.selector.span)
+        for ranges, body in statement.branches:
+            hit, miss = self.out.new_label(), self.out.new_label()
+            for low, high in ranges:
+                self._in_range(selector, of, low, high, hit)
+            self.out.emit("jump", miss)
+            self.out.emit("label", hit)
+            self.lower(body)
+            self.out.emit("jump", end)
+            self.out.emit("label", miss)
+        self.lower(statement.otherwise)
+        self.out.emit("label", end)
+
+    def _in_range(self, selector: Place, of: ElementaryType, low: s.Expr, high: s.Expr,
+                  hit: int) -> None:
+        self.out.load(selector, of, low.span)
+        if not self.expressions.emit(low, of):
+            return
+        self.out.emit(f"{'eq' if low is high else 'ge'}.{of.machine}", None, low.span)
+        if low is not high:
+            self.out.load(selector, of, high.span)
+            if not self.expressions.emit(high, of):
+                return
+            self.out.emit(f"le.{of.machine}", None, high.span)
+            self.out.emit("and.bool", None, high.span)
+        self.out.emit("jumpif", hit, low.span)
+
+    def for_(self, statement: s.For) -> None:
+        """FOR: the end and the step are evaluated once; the control variable ends past the end."""
+        found = self.writable(statement.control)
+        if found is None:
+            return
+        place, of = found
+        if of.kind not in ("int", "uint"):
+            self.out.report.error("P0023", statement.control.span,
+                                  f"FOR counts an integer, not {of.name}")
+            return
+        last, step = self.out.new_local(of.machine), self.out.new_local(of.machine)
+        start, leave = self.out.new_label(), self.out.new_label()
+        by = statement.step or s.Literal(statement.span, "int", 1)
+        for expr, number in ((statement.last, last), (by, step)):
+            if self.expressions.emit(expr, of):
+                self.out.emit("set", number, expr.span)
+        self.assign(s.Assign(statement.span, statement.control, statement.first))
+        self.out.emit("label", start)
+        self._for_test(place, of, last, step, leave, statement.span)
+        self._loop(statement.body, leave)
+        self._for_step(place, of, step, leave, statement.span)
+        self.out.emit("jump", start)
+        self.out.emit("label", leave)
+
+    def _for_step(self, place: Place, of: ElementaryType, step: int, leave: int,
+                  span: Span) -> None:
+        """Add the step; leave instead of wrapping around, or the loop would never end."""
+        wide = "i64" if of.kind == "int" else "u64"
+        total = self.out.new_local(wide)
+        for source in (place, Place("local", step, of)):
+            self.out.load(source, of, span)
+            if of.machine != wide:
+                self.out.emit(f"to.{of.machine}.{wide}", None, span)
+        self.out.emit(f"add.{wide}", None, span)
+        self.out.emit("set", total, span)
+        if of.machine != wide:
+            for op, bound in (("gt", of.high), ("lt", of.low)):
+                self.out.emit("get", total, span)
+                self.out.emit("const", (wide, bound), span)
+                self.out.emit(f"{op}.{wide}", None, span)
+                self.out.emit("jumpif", leave, span)
+        self.out.emit("get", total, span)
+        if of.machine != wide:
+            self.out.emit(f"to.{wide}.{of.machine}", None, span)
+        self.out.store(place, of, span)
+
+    def _for_test(self, place: Place, of: ElementaryType, last: int, step: int, leave: int,
+                  span: Span) -> None:
+        """Leave the loop when the control variable is past the end, in the step's direction."""
+        down, body = self.out.new_label(), self.out.new_label()
+        for label, op in ((down, "le"), (0, "ge")):
+            if label:
+                self.out.emit("get", step, span)
+                self.out.emit("const", (of.machine, 0), span)
+                self.out.emit(f"lt.{of.machine}", None, span)
+                self.out.emit("jumpif", down, span)
+            else:
+                self.out.emit("label", down)
+            self.out.load(place, of, span)
+            self.out.emit("get", last, span)
+            self.out.emit(f"{op}.{of.machine}", None, span)
+            self.out.emit("jumpifnot", leave, span)
+            if label:
+                self.out.emit("jump", body, span)
+        self.out.emit("label", body)
+
+    def while_(self, statement: s.While) -> None:
+        """WHILE."""
+        start, leave = self.out.new_label(), self.out.new_label()
+        self.out.emit("label", start)
+        self.condition(statement.condition, leave)
+        self._loop(statement.body, leave)
+        self.out.emit("jump", start)
+        self.out.emit("label", leave)
+
+    def repeat(self, statement: s.Repeat) -> None:
+        """REPEAT."""
+        start, leave = self.out.new_label(), self.out.new_label()
+        self.out.emit("label", start)
+        self._loop(statement.body, leave)
+        self.condition(statement.condition, start)
+        self.out.emit("label", leave)
+
+    def _loop(self, body: tuple[s.Statement, ...], leave: int) -> None:
+        self._exits.append(leave)
+        self.lower(body)
+        self._exits.pop()
+
+    def exit(self, statement: s.Exit) -> None:
+        """EXIT."""
+        if not self._exits:
+            self.out.report.error("P0010", statement.span, "EXIT stands outside of any loop")
+            return
+        self._leave("jump", self._exits[-1], statement.span)
+
+    def return_(self, statement: s.Return) -> None:
+        """RETURN."""
+        self._leave("ret", None, statement.span)
+
+    def _leave(self, op: str, arg: object, span: Span) -> None:
+        self.out.emit(op, arg, span)
+        self.out.emit("label", self.out.new_label())
+
+
+def _parts(place: Place) -> tuple[str, ...]:
+    return tuple(place.name.split(".")) if place.name else ()
+
+
+_LOWER: dict[type, Callable[[Statements, Any], None]] = {
+    s.Assign: Statements.assign, s.Invoke: Statements.invoke, s.RunAction: Statements.run_action,
+    s.If: Statements.if_, s.Case: Statements.case, s.For: Statements.for_,
+    s.While: Statements.while_, s.Repeat: Statements.repeat, s.Exit: Statements.exit,
+    s.Return: Statements.return_,
+}

@@ -1,0 +1,252 @@
+"""Structured Text: expressions and statements (IEC 61131-3, 3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from plcemu.base.spans import Span
+from plcemu.lang import syntax as s
+from plcemu.lang.cursor import Cursor, SyntaxFailure
+
+# One row a level of precedence, the loosest first: sign -> operator (table 55).
+_LEVELS: tuple[dict[str, str], ...] = (
+    {"OR": "OR"},
+    {"XOR": "XOR"},
+    {"AND": "AND", "&": "AND"},
+    {"=": "EQ", "<>": "NE"},
+    {"<": "LT", ">": "GT", "<=": "LE", ">=": "GE"},
+    {"+": "ADD", "-": "SUB"},
+    {"*": "MUL", "/": "DIV", "MOD": "MOD"},
+)
+
+_ENDS = ("END_IF", "ELSIF", "ELSE", "END_CASE", "END_FOR", "END_WHILE", "UNTIL", "END_REPEAT",
+         "END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "END_TRANSITION",
+         "PROGRAM", "FUNCTION_BLOCK", "ACTION", "TRANSITION", "STEP", "INITIAL_STEP")
+
+
+def parse_expression(cursor: Cursor) -> s.Expr:
+    """Parse one expression.
+
+    Raises:
+        SyntaxFailure: it is malformed; the report says how.
+    """
+    cursor.enter()
+    try:
+        return _binary(cursor, 0)
+    finally:
+        cursor.leave()
+
+
+def _binary(cursor: Cursor, level: int) -> s.Expr:
+    if level == len(_LEVELS):
+        return _unary(cursor)
+    left = _binary(cursor, level + 1)
+    while cursor.token.kind in ("op", "name") and cursor.token.upper in _LEVELS[level]:
+        op = _LEVELS[level][cursor.advance().upper]
+        right = _binary(cursor, level + 1)
+        left = s.Binary(left.span.to(right.span), op, left, right)
+    return left
+
+
+def _unary(cursor: Cursor) -> s.Expr:
+    sign = cursor.accept("NOT", "-", "+")
+    if sign is None:
+        return _primary(cursor)
+    cursor.enter()
+    try:
+        operand = _unary(cursor)
+    finally:
+        cursor.leave()
+    if sign.text == "+":
+        return operand
+    op = "NOT" if sign.upper == "NOT" else "NEG"
+    return s.Unary(sign.span.to(operand.span), op, operand)
+
+
+def _primary(cursor: Cursor) -> s.Expr:
+    token = cursor.token
+    if token.kind in ("int", "real", "time", "bool", "string"):
+        cursor.advance()
+        return s.Literal(token.span, token.kind, token.value, token.type)
+    if token.kind == "direct":
+        cursor.advance()
+        return s.Direct(token.span, token.text)
+    if cursor.accept("("):
+        inner = parse_expression(cursor)
+        cursor.expect(")", "to close the parenthesis")
+        return inner
+    name = parse_name(cursor, "an expression")
+    if cursor.at("(", "["):
+        what = "function calls in expressions" if cursor.at("(") else "array elements"
+        cursor.report.error("P0090", name.span, f"{what} are not supported yet")
+        raise SyntaxFailure
+    return name
+
+
+def parse_name(cursor: Cursor, what: str) -> s.Name:
+    """Parse a variable's name with its fields."""
+    first = cursor.identifier(what)
+    parts, span = [first.text], first.span
+    while cursor.at(".") and cursor.peek().kind == "name":
+        cursor.advance()
+        field = cursor.advance()
+        parts.append(field.text)
+        span = span.to(field.span)
+    return s.Name(span, tuple(parts))
+
+
+def parse_arguments(cursor: Cursor) -> tuple[s.Argument, ...]:
+    """Parse the arguments of a call from `(` to `)`."""
+    cursor.expect("(")
+    arguments: list[s.Argument] = []
+    while not cursor.at(")"):
+        arguments.append(_argument(cursor))
+        if not cursor.accept(","):
+            break
+    cursor.expect(")", "to close the call")
+    return tuple(arguments)
+
+
+def _argument(cursor: Cursor) -> s.Argument:
+    start = cursor.token.span
+    negated_output = cursor.at("NOT") and cursor.peek(2).text == "=>"
+    if negated_output:
+        cursor.advance()
+    name = ""
+    if cursor.token.kind == "name" and cursor.peek().text in (":=", "=>"):
+        name = cursor.advance().text
+        if cursor.advance().text == "=>":
+            target = parse_expression(cursor)
+            return s.Argument(start.to(target.span), name, target, True, negated_output)
+    value = parse_expression(cursor)
+    return s.Argument(start.to(value.span), name, value)
+
+
+# ---------------------------------------------------------------- statements
+
+
+def parse_statements(cursor: Cursor) -> tuple[s.Statement, ...]:
+    """Parse statements up to a keyword that ends them; a mistake costs its statement only."""
+    statements: list[s.Statement] = []
+    while not cursor.at_end() and not cursor.at(*_ENDS):
+        if cursor.accept(";"):
+            continue
+        before = cursor.token
+        try:
+            if not _starts_case_label(cursor):
+                statements.append(_statement(cursor))
+                continue
+            break
+        except SyntaxFailure:
+            if cursor.token is before:
+                cursor.advance()
+            cursor.skip_to(";", *_ENDS, over=(";",))
+    return tuple(statements)
+
+
+def _starts_case_label(cursor: Cursor) -> bool:
+    """Whether a label of CASE begins here, which ends the statements of the branch before it."""
+    ahead = 1 if cursor.at("-", "+") else 0
+    if cursor.peek(ahead).kind not in ("int", "name"):
+        return False
+    if cursor.peek(ahead).kind == "int":
+        return True
+    return cursor.peek(ahead + 1).text in (":", "..", ",")
+
+
+def _statement(cursor: Cursor) -> s.Statement:
+    parser = _STATEMENTS.get(cursor.token.upper) if cursor.token.kind == "name" else None
+    cursor.enter()
+    try:
+        statement = parser(cursor, cursor.advance().span) if parser else _assign_or_call(cursor)
+    finally:
+        cursor.leave()
+    cursor.expect(";", "after the statement")
+    return statement
+
+
+def _assign_or_call(cursor: Cursor) -> s.Statement:
+    token = cursor.token
+    target: s.Name | s.Direct
+    if token.kind == "direct":
+        cursor.advance()
+        target = s.Direct(token.span, token.text)
+    else:
+        target = parse_name(cursor, "a statement")
+        if cursor.at("("):
+            arguments = parse_arguments(cursor)
+            return s.Invoke(token.span.to(cursor.previous.span), target, arguments)
+    cursor.expect(":=", "or '(' after a name that begins a statement")
+    value = parse_expression(cursor)
+    return s.Assign(token.span.to(value.span), target, value)
+
+
+def _if(cursor: Cursor, start: Span) -> s.Statement:
+    branches: list[tuple[s.Expr, tuple[s.Statement, ...]]] = []
+    otherwise: tuple[s.Statement, ...] = ()
+    while True:
+        condition = parse_expression(cursor)
+        cursor.expect("THEN", "after the condition")
+        branches.append((condition, parse_statements(cursor)))
+        if not cursor.accept("ELSIF"):
+            break
+    if cursor.accept("ELSE"):
+        otherwise = parse_statements(cursor)
+    cursor.expect("END_IF", code="P0011")
+    return s.If(start.to(cursor.previous.span), tuple(branches), otherwise)
+
+
+def _case(cursor: Cursor, start: Span) -> s.Statement:
+    selector = parse_expression(cursor)
+    cursor.expect("OF", "after the selector of CASE")
+    branches = []
+    while not cursor.at("ELSE", "END_CASE") and not cursor.at_end():
+        ranges = [_range(cursor)]
+        while cursor.accept(","):
+            ranges.append(_range(cursor))
+        cursor.expect(":", "after the labels of a CASE branch")
+        branches.append((tuple(ranges), parse_statements(cursor)))
+    otherwise = parse_statements(cursor) if cursor.accept("ELSE") else ()
+    cursor.expect("END_CASE", code="P0011")
+    return s.Case(start.to(cursor.previous.span), selector, tuple(branches), otherwise)
+
+
+def _range(cursor: Cursor) -> tuple[s.Expr, s.Expr]:
+    low = parse_expression(cursor)
+    return low, parse_expression(cursor) if cursor.accept("..") else low
+
+
+def _for(cursor: Cursor, start: Span) -> s.Statement:
+    control = parse_name(cursor, "the control variable of FOR")
+    cursor.expect(":=")
+    first = parse_expression(cursor)
+    cursor.expect("TO")
+    last = parse_expression(cursor)
+    step = parse_expression(cursor) if cursor.accept("BY") else None
+    cursor.expect("DO")
+    body = parse_statements(cursor)
+    cursor.expect("END_FOR", code="P0011")
+    return s.For(start.to(cursor.previous.span), control, first, last, step, body)
+
+
+def _while(cursor: Cursor, start: Span) -> s.Statement:
+    condition = parse_expression(cursor)
+    cursor.expect("DO", "after the condition")
+    body = parse_statements(cursor)
+    cursor.expect("END_WHILE", code="P0011")
+    return s.While(start.to(cursor.previous.span), condition, body)
+
+
+def _repeat(cursor: Cursor, start: Span) -> s.Statement:
+    body = parse_statements(cursor)
+    cursor.expect("UNTIL", code="P0011")
+    condition = parse_expression(cursor)
+    cursor.accept(";")
+    cursor.expect("END_REPEAT", code="P0011")
+    return s.Repeat(start.to(cursor.previous.span), body, condition)
+
+
+_STATEMENTS: dict[str, Callable[[Cursor, Span], s.Statement]] = {
+    "IF": _if, "CASE": _case, "FOR": _for, "WHILE": _while, "REPEAT": _repeat,
+    "EXIT": lambda _, span: s.Exit(span), "RETURN": lambda _, span: s.Return(span),
+}

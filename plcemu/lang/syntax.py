@@ -1,0 +1,308 @@
+"""The syntax tree of the textual languages. Trees are values; passes never change them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from plcemu.base.spans import Span
+
+# ---------------------------------------------------------------- expressions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Literal:
+    """A literal; `type` is the type written with it, or empty."""
+
+    span: Span
+    kind: str
+    value: int | float | str | bool
+    type: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Name:
+    """A variable, perhaps with fields: `t1.Q` is ("t1", "Q")."""
+
+    span: Span
+    parts: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return ".".join(self.parts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Direct:
+    """A directly represented variable such as `%IX0.0`."""
+
+    span: Span
+    address: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unary:
+    """`NOT x` or `-x`."""
+
+    span: Span
+    op: str
+    operand: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Binary:
+    """An operator between two operands; `op` is the IL operator's name, such as `AND` or `GE`."""
+
+    span: Span
+    op: str
+    left: Expr
+    right: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluate:
+    """The value of a transition's condition, kept in a function of its own (made by SFC lowering)."""
+
+    span: Span
+    function: str
+
+
+Expr = Literal | Name | Direct | Unary | Binary | Evaluate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Argument:
+    """An argument of a call: `x`, `IN := x`, `Q => x` or `NOT Q => x`."""
+
+    span: Span
+    name: str
+    value: Expr
+    is_output: bool = False
+    negated: bool = False
+
+
+# ---------------------------------------------------------------- statements
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assign:
+    """`target := value`."""
+
+    span: Span
+    target: Name | Direct
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Invoke:
+    """A call of a function block instance."""
+
+    span: Span
+    instance: Name
+    arguments: tuple[Argument, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunAction:
+    """A run of an action's body (made by SFC lowering)."""
+
+    span: Span
+    function: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class If:
+    """IF and ELSIF branches as (condition, body), and the ELSE body."""
+
+    span: Span
+    branches: tuple[tuple[Expr, tuple[Statement, ...]], ...]
+    otherwise: tuple[Statement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """CASE: each branch has (low, high) ranges of constants and a body."""
+
+    span: Span
+    selector: Expr
+    branches: tuple[tuple[tuple[tuple[Expr, Expr], ...], tuple[Statement, ...]], ...]
+    otherwise: tuple[Statement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class For:
+    """FOR control := first TO last BY step."""
+
+    span: Span
+    control: Name
+    first: Expr
+    last: Expr
+    step: Expr | None
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class While:
+    """WHILE condition DO body."""
+
+    span: Span
+    condition: Expr
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repeat:
+    """REPEAT body UNTIL condition."""
+
+    span: Span
+    body: tuple[Statement, ...]
+    condition: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exit:
+    """EXIT: leave the innermost loop."""
+
+    span: Span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Return:
+    """RETURN: leave the POU."""
+
+    span: Span
+
+
+Statement = Assign | Invoke | RunAction | If | Case | For | While | Repeat | Exit | Return
+
+
+# ---------------------------------------------------------------- bodies
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instruction:
+    """One IL instruction.
+
+    Attributes:
+        label: before it, or empty.
+        op: the operator without modifiers; empty for a label alone.
+        negated: modifier N on the operand or, for jumps and calls, on the condition.
+        conditional: modifier C.
+        operand: the operand, if any.
+        nested: the instructions between parentheses, or None.
+        arguments: of a CAL.
+    """
+
+    span: Span
+    label: str
+    op: str
+    negated: bool = False
+    conditional: bool = False
+    operand: Expr | None = None
+    nested: tuple[Instruction, ...] | None = None
+    arguments: tuple[Argument, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IlBody:
+    """A body in Instruction List."""
+
+    span: Span
+    instructions: tuple[Instruction, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StBody:
+    """A body in Structured Text."""
+
+    span: Span
+    statements: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Association:
+    """An action block of a step: which action, with which qualifier and time."""
+
+    span: Span
+    action: str
+    qualifier: str
+    time: Expr | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """A step."""
+
+    span: Span
+    name: str
+    initial: bool
+    associations: tuple[Association, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transition:
+    """A transition; its condition is an ST expression or an IL body."""
+
+    span: Span
+    name: str
+    priority: int | None
+    sources: tuple[Name, ...]
+    targets: tuple[Name, ...]
+    condition: Expr | IlBody
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """A named action with a body in IL or ST."""
+
+    span: Span
+    name: str
+    body: IlBody | StBody
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SfcBody:
+    """A body in Sequential Function Chart."""
+
+    span: Span
+    steps: tuple[Step, ...]
+    transitions: tuple[Transition, ...]
+    actions: tuple[Action, ...]
+
+
+Body = IlBody | StBody | SfcBody
+
+
+# ---------------------------------------------------------------- declarations
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Variable:
+    """One declared variable.
+
+    Attributes:
+        section: `VAR`, `VAR_INPUT`, `VAR_OUTPUT` or `VAR_TEMP`.
+        type: the type's name as written.
+        initial: the initial value, if written.
+        address: the location after AT, as written, or empty.
+    """
+
+    span: Span
+    name: str
+    section: str
+    type: str
+    type_span: Span
+    initial: Expr | None
+    address: str
+    address_span: Span
+    constant: bool = False
+    retain: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pou:
+    """A program organisation unit: PROGRAM or FUNCTION_BLOCK."""
+
+    span: Span
+    kind: str
+    name: str
+    variables: tuple[Variable, ...]
+    body: Body
