@@ -1,0 +1,358 @@
+"""What piecewise-linear hybrid plants share: modes, guards, timers, events, sensors, snapshots.
+
+Between events every quantity of the plant is a straight line (`lines.Line`). A *mode* lasts until
+a guard (a linear form) stops being negative, a timer expires or an actuator changes; then the
+plant *settles*: it resets quantities, chooses slopes and notes facts. All event instants are whole
+ns, found exactly. A plant re-anchors lines only when it settles, so `advance` between events moves
+nothing but the time.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, ClassVar, NamedTuple
+
+from plant_sim.contract import Fact, FactValue, Port, PortValue
+from plant_sim.lines import NEVER_NS, Form, Line, exact, first_not_negative
+from plant_sim.memory import Memory
+from plant_sim.parameters import Parameters
+from plant_sim.readings import Reading
+
+_ZERO_TIME_LIMIT = 64
+"""Settlings at one instant; more means a plant that switches for ever without time passing."""
+
+
+class Guard(NamedTuple):
+    """Ends the mode at the first ns at which `form` is not negative; a falling guard negates it."""
+
+    name: str
+    form: Form
+
+
+class Timer(NamedTuple):
+    """Ends the mode at `t_ns`."""
+
+    name: str
+    t_ns: int
+
+
+class ZenoError(RuntimeError):
+    """A plant that changes its mode for ever at one instant: a mistake in the plant's model."""
+
+
+class _Moment(NamedTuple):
+    """All that a look ahead must put back."""
+
+    t_ns: int
+    lines: dict[str, Line]
+    memory: Memory
+    log_length: int
+    guards: tuple[Guard, ...]
+    timers: tuple[Timer, ...]
+    mode_end_ns: int
+    counts: dict[str, int]
+    values: dict[str, PortValue]
+    changes: dict[str, int]
+    change_ns: int
+
+
+class HybridPlant(ABC):
+    """Base of piecewise-linear plants; implements the plant contract.
+
+    A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `observe` and
+    `report`. In `_settle` it uses `self.actuators`, `self.memory`, `_value`, `_set`, `_slope` and
+    `note`; it must leave every guard of the new mode negative.
+    """
+
+    name: ClassVar[str]
+    log_limit: ClassVar[int] = 100_000
+    """Entries kept in the log; later ones are dropped and counted in `log_dropped`."""
+    look_ahead_limit: ClassVar[int] = 10_000
+    """Mode ends that show nothing through which an event is sought; then the last one is it."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        ports: Sequence[Port],
+        facts: Sequence[Fact],
+        readings: Mapping[str, Reading],
+    ) -> None:
+        self.parameters = parameters
+        self.ports = tuple(ports)
+        self.facts = tuple(facts)
+        self._readings = dict(readings)
+        self._sources = {name: reading.quantities for name, reading in readings.items()}
+        sensors = [port for port in self.ports if port.direction == "sensor"]
+        self._resolutions = {port.name: exact(port.resolution) for port in sensors}
+        self._boolean = frozenset(port.name for port in sensors if port.kind == "bool")
+        self._watched = tuple(self._resolutions)
+        self._event_ns = self._change_ns = -1
+        self.reset()
+
+    # What a plant supplies
+
+    @abstractmethod
+    def _begin(self) -> dict[str, int]:
+        """Initial value of every quantity, in quanta."""
+
+    @abstractmethod
+    def _settle(self, fired: frozenset[str]) -> None:
+        """Discrete part of the plant at the present instant.
+
+        `fired` names the guards and timers that ended the mode; it is empty after a change of
+        actuators and at the start.
+        """
+
+    @abstractmethod
+    def _guards(self) -> Iterable[Guard]:
+        """The guards of the present mode."""
+
+    def _timers(self) -> Iterable[Timer]:
+        """The timers that run in the present mode."""
+        return ()
+
+    @abstractmethod
+    def observe(self) -> dict[str, FactValue]:
+        """Present values of all facts."""
+
+    @abstractmethod
+    def report(self) -> dict[str, Any]:
+        """Summary of the run so far, ready for JSON."""
+
+    def _value(self, quantity: str) -> int:
+        return self._lines[quantity].at(self._t_ns)
+
+    def _set(self, quantity: str, value: int) -> None:
+        self._put(quantity, self._lines[quantity].with_value(value, self._t_ns))
+
+    def _slope(self, quantity: str, slope: Fraction) -> None:
+        self._put(quantity, self._lines[quantity].with_slope(slope, self._t_ns))
+
+    def _put(self, quantity: str, line: Line) -> None:
+        if line is not self._lines[quantity]:
+            self._lines[quantity] = line
+            self._moved.add(quantity)
+
+    def _rises(self, quantity: str) -> int:
+        """An integer with the sign of the quantity's slope."""
+        return self._lines[quantity].num
+
+    def note(self, entry: str) -> None:
+        """Add an entry to the log, as long as `log_limit` allows."""
+        if len(self.log) < self.log_limit:
+            self.log.append((self._t_ns, entry))
+        else:
+            self.memory.numbers["log_dropped"] += 1
+
+    # The contract
+
+    @property
+    def t_ns(self) -> int:
+        """Plant time in ns since `reset`."""
+        return self._t_ns
+
+    def reset(self) -> None:
+        """Back to the initial state at `t_ns == 0`, all actuators off; what is watched stays."""
+        self._t_ns = 0
+        self.actuators: dict[str, PortValue] = {
+            port.name: False if port.kind == "bool" else port.low
+            for port in self.ports
+            if port.direction == "actuator"
+        }
+        self.memory = Memory()
+        self.memory.numbers["log_dropped"] = 0
+        self.log: list[tuple[int, str]] = []
+        self._moved: set[str] = set()
+        self._lines = {name: Line(value) for name, value in self._begin().items()}
+        self._forget_readings()
+        self._enter_mode(frozenset())
+        self._run_events_until(0)
+
+    def actuate(self, values: Mapping[str, PortValue]) -> None:
+        """Set the named actuators together; raises ValueError for a name that is none."""
+        actuators = self.actuators
+        changed = False
+        for name, value in values.items():
+            if name not in actuators:
+                raise ValueError(f"{self.name} has no actuator {name}")
+            changed = changed or actuators[name] != value
+        if changed:
+            actuators.update(
+                (name, bool(value) if isinstance(actuators[name], bool) else float(value))
+                for name, value in values.items()
+            )
+            self._enter_mode(frozenset())
+            self._run_events_until(self._t_ns)
+
+    def advance(self, t_ns: int) -> None:
+        """Move to exactly `t_ns`. Raises ValueError if that is in the past."""
+        if t_ns < self._t_ns:
+            raise ValueError(f"{self.name} is at {self._t_ns} ns, cannot go back to {t_ns} ns")
+        if t_ns >= self._mode_end_ns:
+            self._run_events_until(t_ns)
+        self._t_ns = t_ns
+
+    def sense(self) -> dict[str, PortValue]:
+        """Present readings of the watched sensors, in their units."""
+        self._read()
+        return dict(self._values)
+
+    def counts(self) -> dict[str, int]:
+        """Present readings of the watched sensors, in whole resolutions."""
+        self._read()
+        return dict(self._counts)
+
+    def watch(self, names: Iterable[str] | None = None) -> None:
+        """Let only these sensors cause events and appear in `sense`; None means all."""
+        chosen = tuple(self._resolutions) if names is None else tuple(dict.fromkeys(names))
+        for name in chosen:
+            if name not in self._resolutions:
+                raise ValueError(f"{self.name} has no sensor {name}")
+        self._watched = chosen
+        self._forget_readings()
+
+    def next_event_ns(self) -> int | None:
+        """Earliest instant after now at which a watched reading or a fact changes."""
+        self._read()
+        if self._event_ns <= self._t_ns:
+            self._event_ns = self._look_for_event()
+        return self._event_ns if self._event_ns < NEVER_NS else None
+
+    def snapshot(self) -> dict[str, Any]:
+        """The complete state, ready for JSON."""
+        return {
+            "plant": self.name,
+            "parameters": self.parameters.as_dict(),
+            "t_ns": self._t_ns,
+            "actuators": dict(self.actuators),
+            "watched": list(self._watched),
+            "lines": {name: list(line) for name, line in self._lines.items()},
+            "memory": self.memory.to_json(),
+            "log": [list(entry) for entry in self.log],
+        }
+
+    def restore(self, image: Mapping[str, Any]) -> None:
+        """Continue from a snapshot; raises ValueError for one of another plant."""
+        if (image["plant"], image["parameters"]) != (self.name, self.parameters.as_dict()):
+            raise ValueError(f"the snapshot is not of this {self.name} and its parameters")
+        self._t_ns = image["t_ns"]
+        self.actuators = dict(image["actuators"])
+        self._lines = {name: Line(*line) for name, line in image["lines"].items()}
+        self.memory = Memory.from_json(image["memory"])
+        self.log = [(t_ns, entry) for t_ns, entry in image["log"]]
+        self.watch(image["watched"])
+        self._arm()
+
+    # Modes and events
+
+    def _enter_mode(self, fired: frozenset[str]) -> None:
+        self._event_ns = -1
+        self._settle(fired)
+        self._arm()
+
+    def _arm(self) -> None:
+        t_ns, lines = self._t_ns, self._lines
+        self._guards_now = tuple(self._guards())
+        self._timers_now = tuple(self._timers())
+        ends = [timer.t_ns for timer in self._timers_now]
+        ends += [t_ns + _first_hit(guard, lines, t_ns) for guard in self._guards_now]
+        self._mode_end_ns = min(ends, default=NEVER_NS)
+
+    def _run_events_until(self, t_ns: int) -> None:
+        steps = 0
+        while self._mode_end_ns <= t_ns:
+            steps = steps + 1 if self._mode_end_ns == self._t_ns else 0
+            if steps > _ZERO_TIME_LIMIT:
+                raise ZenoError(f"{self.name} never settles at {self._t_ns} ns")
+            self._step()
+
+    def _step(self) -> None:
+        """Go to the end of the present mode and into the next."""
+        t_ns = self._t_ns = self._mode_end_ns
+        fired = [timer.name for timer in self._timers_now if timer.t_ns <= t_ns]
+        for guard in self._guards_now:
+            if guard.form.seen(self._lines, t_ns).value >= 0:
+                fired.append(guard.name)
+        self._enter_mode(frozenset(fired))
+
+    # Readings
+
+    def _forget_readings(self) -> None:
+        self._counts = dict.fromkeys(self._watched, 0)
+        self._values: dict[str, PortValue] = dict.fromkeys(self._watched, 0.0)
+        self._changes = dict.fromkeys(self._watched, -1)
+        self._change_ns = -1
+        self._event_ns = -1
+
+    def _read(self) -> None:
+        """Bring the counts of the watched sensors up to the present instant."""
+        if self._t_ns < self._change_ns and not self._moved:
+            return
+        t_ns, lines, moved = self._t_ns, self._lines, self._moved
+        for name, change_ns in self._changes.items():
+            if change_ns <= t_ns or (moved and not moved.isdisjoint(self._sources[name])):
+                reading = self._readings[name]
+                count = self._counts[name] = reading.count(lines, t_ns)
+                self._values[name] = self._as_value(name, count)
+                self._changes[name] = reading.next_change_ns(lines, t_ns, count)
+        moved.clear()
+        self._change_ns = min(self._changes.values(), default=NEVER_NS)
+
+    def _as_value(self, name: str, count: int) -> PortValue:
+        if name in self._boolean:
+            return bool(count)
+        resolution = self._resolutions[name]
+        return count * resolution.numerator / resolution.denominator
+
+    def _look_for_event(self) -> int:
+        """The next visible change, looking through mode ends that show nothing."""
+        if self._change_ns < self._mode_end_ns:
+            return self._change_ns
+        moment = self._keep()
+        event_ns = self._seek_event(moment.counts, self.observe())
+        self._put_back(moment)
+        return event_ns
+
+    def _seek_event(self, counts: dict[str, int], facts: dict[str, FactValue]) -> int:
+        """Run on until other counts are read or other facts hold; moves the plant."""
+        for _ in range(self.look_ahead_limit):
+            if self._change_ns < self._mode_end_ns or self._mode_end_ns == NEVER_NS:
+                return self._change_ns
+            self._step()
+            self._run_events_until(self._t_ns)
+            self._read()
+            if self._counts != counts or self.observe() != facts:
+                break
+        return self._t_ns
+
+    def _keep(self) -> _Moment:
+        return _Moment(
+            self._t_ns,
+            dict(self._lines),
+            self.memory.copy(),
+            len(self.log),
+            self._guards_now,
+            self._timers_now,
+            self._mode_end_ns,
+            dict(self._counts),
+            dict(self._values),
+            dict(self._changes),
+            self._change_ns,
+        )
+
+    def _put_back(self, moment: _Moment) -> None:
+        self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
+        del self.log[moment.log_length :]
+        self._guards_now, self._timers_now = moment.guards, moment.timers
+        self._mode_end_ns = moment.mode_end_ns
+        self._counts, self._values = moment.counts, moment.values
+        self._changes = moment.changes
+        self._change_ns = moment.change_ns
+        self._moved.clear()
+
+
+def _first_hit(guard: Guard, lines: Mapping[str, Line], t_ns: int) -> int:
+    course = guard.form.seen(lines, t_ns)
+    return first_not_negative(course.value, course.slope)
