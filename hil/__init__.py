@@ -1,1 +1,1 @@
-"""Field links and hardware-in-the-loop benches (a later part; nothing here yet)."""
+"""Field links: what couples a plant, soft or real, to a process image."""

@@ -146,6 +146,16 @@ class Resource:
         """Return the first instant, not before another, at which a task is released."""
         return min(_first_release(state, not_before_ns) for state in self._tasks)
 
+    def releases_between(self, first_ns: int, before_ns: int) -> int:
+        """Return how many instants in [first, before) release a task."""
+        if len(self._tasks) == 1:
+            state = self._tasks[0]
+            return _count_before(state, before_ns) - _count_before(state, first_ns)
+        count, t_ns = 0, self.first_release_ns(first_ns)
+        while t_ns < before_ns:
+            count, t_ns = count + 1, self.first_release_ns(t_ns + 1)
+        return count
+
     def scan(self, t_ns: int) -> None:
         """Let time pass up to an instant, then run the tasks released at it, by priority."""
         elapsed = 0 if self._last_ns is None else t_ns - self._last_ns
@@ -194,6 +204,12 @@ class Resource:
         """Tell that memory was written from outside, so that scans matter again."""
         self._wake()
 
+    def become(self, other: Resource) -> None:
+        """Take over the whole state of another resource of the same program."""
+        self.memory.restore(other.memory.snapshot())
+        self.state, self.fault, self._last_ns = other.state, other.fault, other._last_ns
+        self._wake()
+
     def snapshot(self) -> bytes:
         """Return the whole state as bytes; it holds no absolute time."""
         return self.memory.snapshot()
@@ -212,3 +228,9 @@ def _is_due(state: _TaskState, t_ns: int) -> bool:
 def _first_release(state: _TaskState, not_before_ns: int) -> int:
     since = max(0, not_before_ns - state.task.phase_ns)
     return state.task.phase_ns + -(-since // state.interval_ns) * state.interval_ns
+
+
+def _count_before(state: _TaskState, t_ns: int) -> int:
+    """Return how many releases of a task lie before an instant."""
+    since = t_ns - state.task.phase_ns
+    return max(0, -(-since // state.interval_ns))

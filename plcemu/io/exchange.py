@@ -208,6 +208,13 @@ class Exchange:
         """The forces in effect: memory offset to bytes."""
         return dict(self._forces)
 
+    def become(self, other: Exchange) -> None:
+        """Take over the image and the forces of another exchange of the same program."""
+        for area, image in other._image.items():
+            self._image[area][:] = image
+        self._forces = dict(other._forces)
+        self.update_outputs()
+
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""
         self.writers = set()

@@ -1,0 +1,63 @@
+"""`plcemu check`: compile, and print every diagnostic."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from plcemu.base.errors import CompileError
+from plcemu.base.spans import Diagnostic
+from plcemu.cli.output import print_json, show_warnings
+from plcemu.ir.program import Program
+from plcemu.ir.text import print_program
+from plcemu.lang.compile import compile_program
+
+NAME = "check"
+HELP = "compile program files and print every diagnostic as file:line:column: CODE message"
+EPILOG = "All files are compiled together, as one program. Exit code 1 if there is an error."
+
+PASSES = ("ir", "tags")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    parser.add_argument("files", nargs="+", metavar="FILE", type=Path, help="program text")
+    parser.add_argument("--dump", choices=PASSES, metavar="PASS",
+                        help=f"print what a pass made: {', '.join(PASSES)}")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Compile, and return 0 unless there is an error."""
+    program: Program | None = None
+    diagnostics: list[Diagnostic] = []
+    failure = 1
+    try:
+        program = compile_program(arguments.files)
+        diagnostics = list(program.warnings)
+    except CompileError as error:
+        diagnostics, failure = error.diagnostics, 2 if error.is_unreadable else 1
+    if arguments.json:
+        document = {"ok": program is not None, "diagnostics": [d.as_json() for d in diagnostics]}
+        if arguments.dump and program is not None:
+            document["dump"] = _dump(program, arguments.dump)
+        print_json(document)
+        return 0 if program is not None else failure
+    show_warnings(diagnostics)
+    if program is None:
+        return failure
+    if arguments.dump:
+        sys.stdout.write(_dump(program, arguments.dump))
+    else:
+        code = sum(len(f.code) for f in program.functions.values())
+        print(f"ok: {', '.join(i.name for i in program.instances)} "
+              f"({code} instructions, {program.layout.size} bytes of memory, "
+              f"{len(program.layout.slots)} tags)")
+    return 0
+
+
+def _dump(program: Program, what: str) -> str:
+    if what == "ir":
+        return print_program(program)
+    return "".join(f"{s.tag.name} {s.tag.type} {s.tag.address}".rstrip() + "\n"
+                   for s in program.layout.slots)

@@ -1,0 +1,73 @@
+"""`plcemu`: the table of commands, and how mistakes end.
+
+Exit codes: 0 holds, 1 a verdict failed or a diagnostic was found, 2 wrong usage or configuration.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from plcemu import __version__
+from plcemu.base.errors import CompileError, ConfigError, PlcemuError
+from plcemu.cli import check, monitor, plant, run, simulate
+from plcemu.cli.output import print_json
+
+COMMANDS = (check, run, simulate, plant, monitor)
+"""Each has `NAME`, `HELP`, `add_arguments(parser)` and `execute(arguments) -> exit code`."""
+
+HOLDS, FAILED, WRONG_USE = 0, 1, 2
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="plcemu", description="A PLC runtime emulator: IEC 61131-3 programs in a scan cycle, "
+        "served over Modbus, coupled to soft plants, watched by temporal monitors.")
+    parser.add_argument("--version", action="version", version=f"plcemu {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for module in COMMANDS:
+        sub = commands.add_parser(module.NAME, help=module.HELP, description=module.HELP,
+                                  epilog=getattr(module, "EPILOG", None),
+                                  formatter_class=argparse.RawDescriptionHelpFormatter)
+        sub.add_argument("--json", action="store_true",
+                         help="print one JSON document and nothing else on stdout")
+        module.add_arguments(sub)
+        sub.set_defaults(execute=module.execute)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code; a user's mistake never shows a traceback."""
+    parsed = make_parser().parse_args(arguments)
+    try:
+        code: int = parsed.execute(parsed)
+        sys.stdout.flush()
+        return code
+    except CompileError as error:
+        code = WRONG_USE if error.is_unreadable else FAILED
+        return _fail(parsed, code, "diagnostics", [d.as_json() for d in error.diagnostics], error)
+    except ConfigError as error:
+        return _fail(parsed, WRONG_USE, "problems", error.problems, error)
+    except PlcemuError as error:
+        return _fail(parsed, WRONG_USE, "problems", [str(error)], error)
+    except KeyboardInterrupt:
+        print("plcemu: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _fail(parsed: argparse.Namespace, code: int, key: str, problems: object,
+          error: Exception) -> int:
+    if parsed.json:
+        print_json({"error": str(error), key: problems})
+    print(error, file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

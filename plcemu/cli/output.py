@@ -1,0 +1,145 @@
+"""What the commands print: JSON documents, tables of results, log lines."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from plcemu.base.spans import Diagnostic
+from plcemu.base.time import DurationError, parse_duration_ns
+
+LIMITED = 200
+"""Lines of warnings shown before the rest is only counted."""
+
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """Print one JSON document on stdout; numbers that JSON has no word for become null."""
+    json.dump(_plain(document), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value
+
+
+def add_config_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add CONFIG and --set, which several commands share."""
+    parser.add_argument("config", nargs="?", metavar="CONFIG",
+                        help="a configuration file, or a folder with config.yaml "
+                        "(default: ./config.yaml)")
+    add_set_argument(parser)
+
+
+def add_set_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --set."""
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="overrides",
+                        help="override a parameter of the configuration, such as load=3 or "
+                        "plant.time_scale=100; may be given several times")
+
+
+def duration(text: str) -> int:
+    """Read a duration argument as ns; not negative."""
+    try:
+        t_ns = parse_duration_ns(text)
+    except DurationError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
+    if t_ns < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is negative")
+    return t_ns
+
+
+def console(to_stderr: bool = False) -> Console:
+    """Return a console; into a file or pipe, tables are not squeezed into 80 columns."""
+    made = Console(stderr=to_stderr, highlight=False)
+    return made if made.is_terminal else Console(stderr=to_stderr, highlight=False, width=200)
+
+
+def show_warnings(warnings: Sequence[Diagnostic]) -> None:
+    """Print a program's warnings on stderr."""
+    for warning in warnings[:LIMITED]:
+        print(warning, file=sys.stderr)
+    if len(warnings) > LIMITED:
+        print(f"... and {len(warnings) - LIMITED} more warnings", file=sys.stderr)
+
+
+def set_up_logging(verbose: bool) -> None:
+    """Send log lines to stderr, one an event."""
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, stream=sys.stderr,
+                        format="%(asctime)s %(levelname)-7s %(name)s: %(message)s", force=True)
+    logging.getLogger("asyncio").setLevel(logging.WARNING)
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+
+
+def properties_table(properties: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the verdicts as a table."""
+    table = Table(title="properties", title_justify="left", box=None, pad_edge=False)
+    for heading in ("name", "verdict", "triggers", "decided at", "meaning"):
+        table.add_column(heading, justify="right" if heading == "triggers" else "left")
+    styles = {"violated": "bold red", "presumably violated": "yellow", "inconclusive": "yellow"}
+    for entry in properties:
+        decided = entry["decided_at_s"]
+        vacuous = " (vacuous)" if entry.get("vacuous") else ""
+        table.add_row(entry["name"], entry["verdict"] + vacuous, str(entry["triggers"]),
+                      "" if decided is None else f"{decided:g} s", entry.get("description", ""),
+                      style=styles.get(entry["verdict"], ""))
+    return table
+
+
+def print_report(report: Mapping[str, Any]) -> None:
+    """Print a run's report for people."""
+    out = console()
+    name = report["name"] or "PLC"
+    out.print(f"{name}: {report['state']} at {report['t_s']:g} s, {report['scans']} scans, "
+                  f"{report['overruns']} overruns")
+    if "fault" in report:
+        out.print(f"FAULT: {report['fault']}", style="bold red")
+    if report["properties"]:
+        out.print(properties_table(report["properties"]))
+        for entry in report["properties"]:
+            _print_violation(out, entry)
+    for line in _plant_lines(report.get("plant") or {}):
+        out.print(line)
+
+
+def _print_violation(out: Console, entry: Mapping[str, Any]) -> None:
+    story = entry.get("violation")
+    if not story:
+        return
+    out.print(f"\n{entry['name']} is violated: {entry['formula']}", style="bold red")
+    trigger = story.get("trigger_s")
+    since = f", triggered at {trigger:g} s" if trigger is not None else ""
+    out.print(f"  decided at {story['decided_at_s']:g} s{since}; to blame: " +
+                  ", ".join(f"{tag} = {value}" for tag, value in story["blamed"].items()))
+    for row in story["recent"]:
+        out.print(f"  {row['t_s']:>12g} s  {row['tag']} := {row['value']}")
+
+
+def _plant_lines(plant: Mapping[str, Any]) -> list[str]:
+    lines = []
+    if "batches" in plant:
+        period = plant.get("period_s")
+        long_run = f", {period:.1f} s a batch in the long run" if period is not None else ""
+        lines.append(f"plant: {plant['batches']} batches{long_run}")
+    if plant.get("reason"):
+        lines.append(f"plant: does not produce: {plant['reason']}")
+    return lines
+
+
+def failed(report: Mapping[str, Any]) -> bool:
+    """Whether a run's report holds a failed verdict or a fault."""
+    return report["state"] == "FAULT" or any(p["verdict"] == "violated"
+                                             for p in report["properties"])

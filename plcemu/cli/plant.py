@@ -1,0 +1,99 @@
+"""`plcemu plant`: the soft plant alone, as a Modbus client of any PLC."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import signal
+from pathlib import Path
+from typing import Any
+
+from hil.modbus_plant import ModbusPlant
+from plcemu.base.errors import ConfigError
+from plcemu.cli.output import add_set_argument, duration, print_json, set_up_logging
+from plcemu.modbus.errors import UnmappedError
+from plcemu.runtime.config import Config, load_config
+from plcemu.runtime.remote_plant import RemotePlant, StateFile
+from plcemu.runtime.system import make_coupling, make_map
+
+NAME = "plant"
+HELP = "the soft plant alone, as a Modbus client of any PLC"
+EPILOG = """The plant goes on through outages of the PLC. If it is killed, the next start with the same
+configuration and PLC goes on from the state it had; --fresh starts anew.
+
+example:
+  plcemu plant il_programs/batch_plant --connect 127.0.0.1:5020 --set load=3"""
+
+_LOG = logging.getLogger("plcemu.plant")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    parser.add_argument("config", metavar="CONFIG",
+                        help="a configuration file, or a folder with config.yaml")
+    add_set_argument(parser)
+    parser.add_argument("--connect", required=True, metavar="HOST:PORT", type=_address,
+                        help="the PLC's Modbus TCP server")
+    parser.add_argument("--unit", type=int, default=1, metavar="N",
+                        help="the Modbus unit identifier to ask (default: 1)")
+    parser.add_argument("--for", dest="duration", metavar="DURATION", type=duration,
+                        help="stop after this much time")
+    parser.add_argument("--fresh", action="store_true",
+                        help="start anew, also if a killed plant left its state")
+    parser.add_argument("--state", metavar="FILE", type=Path,
+                        help="keep the state in this file (default: one in the temporary folder)")
+    parser.add_argument("--verbose", action="store_true", help="log more")
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:5020")
+    return host.strip("[]"), int(port)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the plant until stopped."""
+    set_up_logging(arguments.verbose)
+    config = load_config(arguments.config, arguments.overrides)
+    plant = _prepare(config, arguments)
+    asyncio.run(_run(plant, arguments.duration))
+    report = plant.report()
+    if arguments.json:
+        print_json(report)
+    else:
+        _LOG.info("stopped after %d steps and %d outages", report["steps"], report["outages"])
+    return 0
+
+
+def _prepare(config: Config, arguments: argparse.Namespace) -> RemotePlant:
+    if config.plant is None:
+        raise ConfigError([f"{arguments.config}: has no plant; add a section 'plant:'"])
+    host, port = arguments.connect
+    where = f"{host}:{port}/{arguments.unit}"
+    state = StateFile(arguments.state, "") if arguments.state else StateFile.default(config, where)
+    coupling = make_coupling(config.plant, None if arguments.fresh else _left(state))
+    try:
+        link = ModbusPlant(coupling, make_map(config), host, port, arguments.unit)
+    except (UnmappedError, ValueError) as problem:
+        raise ConfigError([f"{arguments.config}: {problem}"]) from None
+    return RemotePlant(link, config.plant.period or config.cycle, state)
+
+
+def _left(state: StateFile) -> dict[str, Any] | None:
+    """Return the state a killed plant left, and say so."""
+    found = state.load()
+    if found is None:
+        return None
+    _LOG.warning("going on from the state of a plant that ended without notice %.0f s ago; "
+                 "--fresh starts anew", found[1])
+    return found[0]
+
+
+async def _run(plant: RemotePlant, duration_ns: int | None) -> None:
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    await plant.run(stop, duration_ns)

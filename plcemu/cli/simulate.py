@@ -1,0 +1,82 @@
+"""`plcemu simulate`: the closed loop of PLC, plant and monitors in virtual time."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from plcemu.base.trace import Trace
+from plcemu.base.tracefile import save, writer_for
+from plcemu.cli.output import (
+    add_config_arguments,
+    duration,
+    failed,
+    print_json,
+    print_report,
+    show_warnings,
+)
+from plcemu.runtime.config import load_config
+from plcemu.runtime.report import save_report
+from plcemu.runtime.system import System
+
+NAME = "simulate"
+HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
+EPILOG = """example:
+  plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    add_config_arguments(parser)
+    parser.add_argument("--until", required=True, metavar="DURATION", type=duration,
+                        help="how long to run, in the PLC's time, such as 10h or 3600s")
+    parser.add_argument("--trace", metavar="FILE", type=Path,
+                        help="write every change to a file: .vcd, .csv or .jsonl")
+    parser.add_argument("--report", metavar="FILE.html", type=Path,
+                        help="write a page with verdicts and a chart of the run")
+    parser.add_argument("--dense", action="store_true",
+                        help="execute every scan, also those that cannot change anything")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Simulate, and return 1 if a property is violated or the program faults."""
+    if arguments.trace is not None:
+        writer_for(arguments.trace)
+    system = System(load_config(arguments.config, arguments.overrides))
+    if not arguments.json:
+        show_warnings(system.warnings)
+    trace = None
+    if arguments.trace is not None or arguments.report is not None:
+        trace = Trace(system.cycle.tags)
+        system.cycle.observers.append(trace)
+    _run(system, arguments.until, arguments.dense)
+    report = system.report()
+    if trace is not None:
+        trace.end_ns = arguments.until
+        if arguments.trace is not None:
+            save(trace, arguments.trace)
+        if arguments.report is not None:
+            save_report(report, trace, arguments.report)
+    if arguments.json:
+        print_json(report)
+    else:
+        print_report(report)
+    return 1 if failed(report) else 0
+
+
+def _run(system: System, until_ns: int, dense: bool) -> None:
+    """Run with a progress bar on a terminal."""
+    console = Console(stderr=True)
+    if not (sys.stderr.isatty() and until_ns):
+        system.cycle.run_virtual(until_ns, dense=dense)
+        return
+    columns = (TextColumn("simulating"), BarColumn(),
+               TextColumn("{task.completed:.0f} / {task.total:.0f} s"), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        bar = progress.add_task("", total=until_ns / 1e9)
+        system.cycle.run_virtual(
+            until_ns, lambda t_ns: progress.update(bar, completed=t_ns / 1e9), dense)

@@ -1,0 +1,1 @@
+"""Configuration, wiring and the cycle: where the parts become one PLC."""

@@ -1,0 +1,96 @@
+"""Tags by name: read, write and force values of a PLC from outside its scan."""
+
+from __future__ import annotations
+
+from plcemu.base.areas import Address, parse_address
+from plcemu.base.errors import PlcemuError, UnknownNameError
+from plcemu.base.types import ELEMENTARY, ElementaryType, Value
+from plcemu.engine.memory import Memory
+from plcemu.io.exchange import MEMORY, Exchange, Port
+from plcemu.io.mapping import Point
+
+_TYPE_OF_SIZE = {"X": "BOOL", "B": "BYTE", "W": "WORD", "D": "DWORD", "L": "LWORD"}
+
+
+class ValueTypeError(PlcemuError, ValueError):
+    """A value does not fit a tag's type."""
+
+
+class TagAccess:
+    """One client's access to tags in memory and to addresses of the image.
+
+    Args:
+        memory: of the resource.
+        exchange: over that memory.
+        name: of the client.
+    """
+
+    def __init__(self, memory: Memory, exchange: Exchange, name: str) -> None:
+        self._memory = memory
+        self._exchange = exchange
+        self._port: Port = exchange.port(name)
+
+    def read(self, name: str) -> Value:
+        """Return a value as this client sees it: last published, its own writes over it.
+
+        Raises:
+            UnknownNameError: neither a tag nor an address.
+        """
+        address, row, offset = self._find(name)
+        if address is None:
+            return row.unpack(self._port.read(MEMORY, offset, row.size))
+        point = Point(name, address)
+        raw = point.from_image(self._port.read(*point.image_place()))
+        return row.unpack(raw.to_bytes(row.size, "little"))
+
+    def write(self, name: str, value: Value) -> None:
+        """Queue a value; the next scan takes it.
+
+        Raises:
+            UnknownNameError: neither a tag nor an address.
+            ValueTypeError: the value does not fit the type.
+        """
+        address, row, offset = self._find(name)
+        data = self._pack(name, row, value)
+        if address is None:
+            self._port.write(MEMORY, offset, data)
+        else:
+            self._port.write(*Point(name, address).image_write(int.from_bytes(data, "little")))
+
+    def force(self, name: str, value: Value) -> None:
+        """Hold a tag at a value from the next scan on, whoever else writes it."""
+        index = self._memory.tags.find(name)
+        offset, row = self._memory.place(index)
+        self._exchange.force(offset, self._pack(name, row, value))
+
+    def unforce(self, name: str) -> None:
+        """End a tag's force."""
+        self._exchange.unforce(self._memory.place(self._memory.tags.find(name))[0])
+
+    def _find(self, name: str) -> tuple[Address | None, ElementaryType, int]:
+        try:
+            index = self._memory.tags.find(name)
+        except UnknownNameError:
+            if not name.lstrip().startswith("%"):
+                raise
+            return self._unnamed(name)
+        offset, row = self._memory.place(index)
+        address = self._memory.tags[index].address
+        return parse_address(address) if address else None, row, offset
+
+    def _unnamed(self, name: str) -> tuple[Address, ElementaryType, int]:
+        """Return an address that no tag has: the image holds what clients put there."""
+        try:
+            address = parse_address(name)
+        except ValueError as problem:
+            error = UnknownNameError("address", name, ())
+            error.message = str(problem)
+            raise error from None
+        return address, ELEMENTARY[_TYPE_OF_SIZE[address.area[1]]], -1
+
+    @staticmethod
+    def _pack(name: str, row: ElementaryType, value: Value) -> bytes:
+        try:
+            return row.pack(value)
+        except ValueError as problem:
+            raise ValueTypeError(f"{name}: {problem}") from None

@@ -1,0 +1,94 @@
+"""A plant inside the process: the coupling worked on the exchange itself."""
+
+from __future__ import annotations
+
+import logging
+
+from hil.coupling import Coupling
+from plcemu.base.tags import Tag
+from plcemu.base.types import Value
+from plcemu.io.exchange import Exchange
+
+_LOG = logging.getLogger("plcemu.plant")
+
+_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
+
+
+class LocalPlant:
+    """Couples a plant to the exchange, and shows its readings and facts as tags.
+
+    A client that writes the field inputs takes over: then an outside plant drives them, and this
+    one steps aside for good.
+
+    Args:
+        coupling: the plant and its wiring.
+        exchange: of the PLC.
+    """
+
+    PORT = "plant"
+
+    def __init__(self, coupling: Coupling, exchange: Exchange) -> None:
+        self.coupling = coupling
+        self.stepped_aside = False
+        self._exchange = exchange
+        self._port = exchange.port(self.PORT)
+        self._written: list[int | None] = [None] * len(coupling.inputs)
+        plant = coupling.plant
+        wired = {p.name for p in coupling.inputs}
+        self._sensors = [p for p in plant.ports if p.direction == "sensor" and p.name in wired]
+        self.tags = [Tag(f"plant.{p.name}", _TYPES[p.kind], p.unit, comment=p.description)
+                     for p in self._sensors]
+        self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
+                      for f in plant.facts]
+        self._values: list[Value] = self._read()
+        self._event_ns = coupling.next_event_ns()
+
+    def values(self) -> list[Value]:
+        """Return the values of the tags, in their order."""
+        return self._values
+
+    def before_scan(self, t_ns: int) -> None:
+        """Bring the plant to the instant and queue the inputs that changed."""
+        if self.stepped_aside:
+            return
+        self.coupling.advance(t_ns)
+        if self._event_ns is not None and t_ns >= self._event_ns:
+            self._refresh()
+        elif self._written[:1] == [None]:
+            self._write()
+
+    def after_scan(self) -> None:
+        """Let the plant follow the published outputs; note a take-over by a client."""
+        if self.stepped_aside:
+            return
+        if self._exchange.writers - {self.PORT}:
+            self.stepped_aside = True
+            self._event_ns = None
+            _LOG.warning("%s writes the field inputs: the plant in this process steps aside",
+                         ", ".join(sorted(self._exchange.writers - {self.PORT})))
+            return
+        raw = [p.from_image(self._exchange.published(*p.image_place()))
+               for p in self.coupling.outputs]
+        if self.coupling.take_outputs(raw):
+            self._refresh()
+
+    def next_event_ns(self) -> int | None:
+        """Return the first instant at which a reading or fact has changed, if outputs stay."""
+        return self._event_ns
+
+    def _refresh(self) -> None:
+        self._values = self._read()
+        self._write()
+        self._event_ns = self.coupling.next_event_ns()
+
+    def _write(self) -> None:
+        for n, (point, raw) in enumerate(zip(self.coupling.inputs, self.coupling.give_inputs(),
+                                             strict=True)):
+            if raw != self._written[n]:
+                self._written[n] = raw
+                self._port.write(*point.image_write(raw))
+
+    def _read(self) -> list[Value]:
+        plant = self.coupling.plant
+        sensed, facts = plant.sense(), plant.observe()
+        return [sensed[p.name] for p in self._sensors] + [facts[f.name] for f in plant.facts]

@@ -1,0 +1,154 @@
+"""The PLC as a Python object: synchronous, in virtual time, without sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Self
+
+from plcemu.base.tags import TagTable
+from plcemu.base.time import parse_duration_ns
+from plcemu.base.trace import Trace
+from plcemu.base.types import Value
+from plcemu.engine.resource import Resource, State
+from plcemu.io.exchange import Exchange, Extent
+from plcemu.ir.program import Program, Task
+from plcemu.lang.compile import compile_program
+from plcemu.runtime.access import TagAccess
+from plcemu.runtime.cycle import Cycle
+
+
+def compile(source: str | Path | Iterable[str | Path]) -> Program:  # noqa: A001 - the promised name
+    """Compile a program text, a file or several files.
+
+    Raises:
+        CompileError: with every mistake in `diagnostics`.
+    """
+    return compile_program(source)
+
+
+def make_exchange(resource: Resource) -> Exchange:
+    """Return the exchange over a resource's memory."""
+    extents = [Extent(e.area, e.first, e.count, e.offset)
+               for e in resource.program.layout.extents]
+    return Exchange(resource.memory.block, extents)
+
+
+class Plc:
+    """A PLC at its cold start, `t_ns == 0`, in virtual time.
+
+    Args:
+        program: compiled, or a text or Path to compile.
+        cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
+        engine: `auto` or `interpreter`.
+        record: keep a `trace`.
+        tasks: instead of the program's own.
+        safe_outputs: values of outputs while not in RUN; all others are 0 or FALSE.
+
+    Raises:
+        CompileError: the program text is wrong.
+        PlcemuError: an unknown engine, a cycle that is not positive.
+    """
+
+    def __init__(self, program: Program | str | Path, cycle: str | int = "10ms",
+                 engine: str = "auto", *, record: bool = False,
+                 tasks: Sequence[Task] | None = None,
+                 safe_outputs: Mapping[str, Value] | None = None) -> None:
+        compiled = program if isinstance(program, Program) else compile_program(program)
+        self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs)
+        self._resource = Resource(*self._arguments)
+        self._exchange = make_exchange(self._resource)
+        self._cycle = Cycle(self._resource, self._exchange)
+        self._access = TagAccess(self._resource.memory, self._exchange, "python")
+        self._trace = Trace(self._cycle.tags) if record else None
+        if self._trace is not None:
+            self._cycle.observers.append(self._trace)
+
+    # ------------------------------------------------------------ values
+
+    def __getitem__(self, name: str) -> Value:
+        return self._access.read(name)
+
+    def __setitem__(self, name: str, value: Value) -> None:
+        self._access.write(name, value)
+
+    def force(self, name: str, value: Value) -> None:
+        """Hold a tag at a value until `unforce`, whoever else writes it."""
+        self._access.force(name, value)
+
+    def unforce(self, name: str) -> None:
+        """End a tag's force."""
+        self._access.unforce(name)
+
+    @property
+    def tags(self) -> TagTable:
+        """The tag table."""
+        return self._cycle.tags
+
+    # ------------------------------------------------------------ time
+
+    @property
+    def t_ns(self) -> int:
+        """The instant of the next release, in ns since the start."""
+        return self._cycle.t_ns
+
+    def scan(self, n: int = 1) -> None:
+        """Execute releases, one by default: latch, scan what is due, publish; then time advances."""
+        for _ in range(n):
+            self._cycle.lap()
+
+    def run_for(self, duration: str | int) -> None:
+        """Execute all releases of the next stretch of time, such as `"2s"`, or ns."""
+        self._cycle.run_virtual(self.t_ns + parse_duration_ns(duration))
+
+    # ------------------------------------------------------------ state
+
+    @property
+    def state(self) -> str:
+        """`RUN`, `STOP` or `FAULT`."""
+        return self._resource.state.value
+
+    @property
+    def fault(self) -> str:
+        """Why the PLC is in FAULT, or empty."""
+        return str(self._resource.fault or "")
+
+    def stop(self) -> None:
+        """Go to STOP; outputs take their safe values."""
+        self._resource.stop()
+        self._exchange.update_outputs()
+
+    def start(self, cold: bool = False) -> None:
+        """Go to RUN, with memory as it is or, for a cold start, with its initial values."""
+        if cold:
+            self._resource.cold_start()
+            self._exchange.update_outputs()
+        elif self._resource.state is not State.RUN:
+            self._resource.resume()
+
+    def snapshot(self) -> bytes:
+        """Return the whole state of the program; it holds no absolute time."""
+        return self._resource.snapshot()
+
+    def restore(self, image: bytes) -> None:
+        """Set the whole state of the program; raises `ValueError` for another program's image."""
+        self._resource.restore(image)
+        self._exchange.update_outputs()
+
+    def fork(self) -> Self:
+        """Return an independent PLC in the same state at the same instant."""
+        compiled, cycle_ns, engine, tasks, safe_outputs = self._arguments
+        twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None, tasks=tasks,
+                          safe_outputs=safe_outputs)
+        twin._resource.become(self._resource)
+        twin._exchange.become(self._exchange)
+        twin._cycle.t_ns = self._cycle.t_ns
+        twin._cycle.scan_number = self._cycle.scan_number
+        return twin
+
+    @property
+    def trace(self) -> Trace:
+        """The recorded trace; raises `ValueError` unless the PLC was made with `record=True`."""
+        if self._trace is None:
+            raise ValueError("nothing is recorded; make the PLC with record=True")
+        return self._trace
