@@ -57,7 +57,7 @@ def period_s(starts_ns: Sequence[int]) -> float | None:
     for k in range(1, len(gaps) // 2 + 1):
         tail = gaps[-max(2 * k, len(gaps) // 2) :]
         if all(_same(a, b) for a, b in zip(tail, tail[k:], strict=False)):
-            return _mean_s(gaps[-k:])
+            return _mean_s(tail[len(tail) % k :])
     return _mean_s(gaps[len(gaps) // 2 :])
 
 
