@@ -20,7 +20,7 @@ AREAS: dict[str, int] = {loc + size: AREA_ELEMENTS * width
                          for loc in LOCATIONS for size, width in SIZES.items()}
 """Bytes of each area's image, by its two letters, such as `QX` or `IW`."""
 
-_ADDRESS = re.compile(r"%([IQM])([XBWDL]?)(\d+)(?:\.(\d+))?", re.IGNORECASE)
+_ADDRESS = re.compile(r"%([IQM])([XBWDL]?)(\d+)(?:\.(\d+))?", re.IGNORECASE | re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,8 @@ def parse_address(text: str) -> Address:
     match = _ADDRESS.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not an address; write %IX0.0, %QW3, %MD1 and the like")
-    location, size, element, bit = match[1].upper(), match[2].upper() or "X", int(match[3]), match[4]
+    location, size = match[1].upper(), match[2].upper() or "X"
+    element, bit = int(match[3]), match[4]
     if element >= AREA_ELEMENTS:
         raise ValueError(f"{text!r} is outside the process image; elements go from 0 to "
                          f"{AREA_ELEMENTS - 1}")

@@ -1,4 +1,4 @@
-"""Every error the product raises on purpose, one class for each way it ends (docs/architecture.md)."""
+"""Every error that is raised on purpose, a class for each way it ends (docs/architecture.md)."""
 
 from __future__ import annotations
 
@@ -24,9 +24,14 @@ class CompileError(PlcemuError):
         """The diagnostics that are errors, without the warnings."""
         return [d for d in self.diagnostics if d.severity is Severity.ERROR]
 
+    @property
+    def is_unreadable(self) -> bool:
+        """Whether a file could not be read at all, which is wrong use rather than wrong text."""
+        return any(d.code.endswith("0080") for d in self.diagnostics)
+
 
 class ConfigError(PlcemuError):
-    """The configuration is wrong: where (file, line, key path), what was found, what was expected."""
+    """The configuration is wrong: where (file, line, key path), what was found and expected."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         self.problems = list(problems)

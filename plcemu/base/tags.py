@@ -58,7 +58,10 @@ class TagTable:
         return index
 
     def find(self, name: str) -> int:
-        """Return the index of the tag with this full name, unique ending of a name, or address.
+        """Return the index of the tag with this full name, address, or ending of a name.
+
+        Of several tags whose names end so, the one with the fewest parts is meant: `q` is the
+        program's own variable rather than the output of a timer in it.
 
         Raises:
             UnknownNameError: no tag answers to the name, or several do.
@@ -69,7 +72,7 @@ class TagTable:
             index = self._address.get(key)
         if index is not None:
             return index
-        matches = self._short.get(key, [])
+        matches = self._outermost(self._short.get(key, []))
         if len(matches) == 1:
             return matches[0]
         if matches:
@@ -78,6 +81,10 @@ class TagTable:
             error.message = f"{name!r} is not unique; write one of {names}"
             raise error
         raise UnknownNameError("tag", name, [t.name for t in self._tags] + list(self._short))
+
+    def _outermost(self, matches: list[int]) -> list[int]:
+        parts = [self._tags[i].name.count(".") for i in matches]
+        return [i for i, n in zip(matches, parts, strict=True) if n == min(parts)]
 
     def __contains__(self, name: object) -> bool:
         try:

@@ -1,4 +1,4 @@
-"""The table of elementary types (IEC 61131-3, table 10): one row a type, everything derives from it."""
+"""The table of elementary types (IEC 61131-3, table 10): one row a type, from which all derives."""
 
 from __future__ import annotations
 

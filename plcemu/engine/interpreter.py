@@ -10,16 +10,17 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from plcemu.base.errors import ProgramFault
+from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import STRUCT_CODES, VALUE_OPS, Fault, wrap
 from plcemu.ir.program import Function, Instr, Program
 
-BUDGET = 10_000_000
+BUDGET = 1_000_000
 """Instructions that jumps backwards may cost in one run; a program that needs more has run away."""
 
 _END = -1
 
 Step = Callable[[list[Any], list[Any], int], int]
-"""An instruction: takes the stack, the locals and the instance's address, returns what comes next."""
+"""An instruction: takes stack, locals and the instance's address, returns what comes next."""
 
 
 class Interpreter:
@@ -38,11 +39,8 @@ class Interpreter:
         self._block = block
         self._budget = budget
         self._left = budget
-        self._code: dict[str, tuple[Function, list[Step]]] = {}
-        for function in program.functions.values():
-            self._code[function.name] = (function, [])
-        for function, steps in self._code.values():
-            steps.extend(self._steps(function))
+        self._code = {function.name: (function, self._steps(function), _zeros(function))
+                      for function in program.functions.values()}
 
     def run(self, function: str, base: int) -> None:
         """Run a function on the instance at an address.
@@ -54,8 +52,8 @@ class Interpreter:
         self._run(function, base, [])
 
     def _run(self, name: str, this: int, stack: list[Any]) -> None:
-        function, steps = self._code[name]
-        local: list[Any] = [0] * len(function.locals)
+        function, steps, zeros = self._code[name]
+        local = zeros[:]
         pc = before = 0
         try:
             while pc >= 0:
@@ -138,6 +136,67 @@ class Interpreter:
             return following
         return step
 
+    def _loadat(self, arg: tuple[str, int], following: int) -> Step:
+        machine, offset = arg
+        block, unpack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).unpack_from
+
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            stack[-1] = unpack(block, stack[-1] + offset)[0]
+            return following
+        return step
+
+    def _storeat(self, arg: tuple[str, int], following: int) -> Step:
+        machine, offset = arg
+        block, pack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).pack_into
+
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            value = stack.pop()
+            pack(block, stack.pop() + offset, value)
+            return following
+        return step
+
+    def _copy(self, arg: int, following: int) -> Step:
+        block = self._block
+
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            source = stack.pop()
+            target = stack.pop()
+            block[target:target + arg] = block[source:source + arg]
+            return following
+        return step
+
+    def _index(self, arg: tuple[int, int, int], following: int) -> Step:
+        low, count, size = arg
+
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            place = stack[-1] - low
+            if not 0 <= place < count:
+                raise Fault(f"index {stack[-1]} is outside {low}..{low + count - 1}")
+            stack[-1] = place * size
+            return following
+        return step
+
+    def _select(self, arg: str, following: int) -> Step:
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            condition, otherwise = stack.pop(), stack.pop()
+            if not condition:
+                stack[-1] = otherwise
+            return following
+        return step
+
+    def _builtin(self, arg: str, following: int) -> Step:
+        row, block = BUILTINS[arg], self._block
+        count = len(row.pops)
+
+        def step(stack: list[Any], local: list[Any], this: int) -> int:
+            operands = stack[len(stack) - count:]
+            del stack[len(stack) - count:]
+            result = row.fn(block, *operands)
+            if row.pushes:
+                stack.append(result)
+            return following
+        return step
+
     def _get(self, arg: int, following: int) -> Step:
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             stack.append(local[arg])
@@ -201,6 +260,10 @@ class Interpreter:
         if self._left < 0:
             raise Fault(f"the scan does not end: jumps backwards cost over {self._budget} "
                         "instructions")
+
+
+def _zeros(function: Function) -> list[Any]:
+    return [0.0 if machine in ("f32", "f64") else 0 for machine in function.locals]
 
 
 def _value_step(op: str, following: int) -> Step:

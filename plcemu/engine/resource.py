@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.types import Value
 from plcemu.engine.interpreter import BUDGET, Interpreter
@@ -60,7 +61,8 @@ class Resource:
         budget: instructions that jumps backwards may cost in one run of a task.
 
     Raises:
-        PlcemuError: an unknown engine, an interval that is not positive, a task of no program.
+        PlcemuError: an unknown engine, an interval that is not positive, a task of no program, a
+            safe output that is no tag or whose value does not fit it.
     """
 
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
@@ -76,6 +78,7 @@ class Resource:
         self._tasks = self._prepare(program, tasks or program.tasks, cycle_ns)
         self._safe = self._safe_places(safe_outputs or {})
         self._last_ns: int | None = None
+        self._left = bytes(self.memory.block)
 
     @staticmethod
     def _prepare(program: Program, tasks: Sequence[Task], cycle_ns: int) -> list[_TaskState]:
@@ -97,17 +100,16 @@ class Resource:
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
         """Return what to write into memory for safe outputs: zeros, then the configured values."""
-        zeros = [(e.offset, bytes(self._extent_size(e.area, e.count)))
+        zeros = [(e.offset, bytes(e.count * SIZES[e.area[1]]))
                  for e in self.program.layout.extents if e.area[0] == "Q"]
         chosen = []
         for name, value in values.items():
             offset, row = self.memory.place(self.memory.tags.find(name))
-            chosen.append((offset, row.pack(value)))
+            try:
+                chosen.append((offset, row.pack(value)))
+            except ValueError as problem:
+                raise PlcemuError(f"safe output {name}: {problem}") from None
         return zeros + chosen
-
-    @staticmethod
-    def _extent_size(area: str, count: int) -> int:
-        return count * {"X": 1, "B": 1, "W": 2, "D": 4, "L": 8}[area[1]]
 
     # ------------------------------------------------------------ state
 
@@ -158,16 +160,19 @@ class Resource:
 
     def scan(self, t_ns: int) -> None:
         """Let time pass up to an instant, then run the tasks released at it, by priority."""
-        elapsed = 0 if self._last_ns is None else t_ns - self._last_ns
+        elapsed = 0 if self._last_ns is None else max(0, t_ns - self._last_ns)
         self._last_ns = t_ns
         if self.state is not State.RUN:
             self._make_safe()
             return
+        if self.memory.block != self._left or (elapsed and self.memory.running_clocks()):
+            self._wake()
         if elapsed:
             self.memory.advance_clocks(elapsed)
         for state in self._tasks:
             if _is_due(state, t_ns) and not self._run(state, t_ns):
-                return
+                break
+        self._left = bytes(self.memory.block)
 
     def _run(self, state: _TaskState, t_ns: int) -> bool:
         before = bytes(self.memory.block)
@@ -193,12 +198,13 @@ class Resource:
     def is_quiet(self) -> bool:
         """Whether scans at later releases would change nothing while the inputs stay as they are.
 
-        So it is when every task's last scan changed no byte, and no clock that the program reads
-        runs. In STOP and FAULT nothing runs.
+        So it is when every task's last scan changed no byte, nobody else has changed one since,
+        and no clock that the program reads runs. In STOP and FAULT nothing runs.
         """
         if self.state is not State.RUN:
             return True
-        return all(state.quiet for state in self._tasks) and not self.memory.running_clocks()
+        return all(state.quiet for state in self._tasks) and self.memory.block == self._left \
+            and not self.memory.running_clocks()
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""

@@ -12,7 +12,7 @@ conversion happens here, once a scan, and only where something changed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plcemu.base.areas import AREAS, SIZES
 from plcemu.base.errors import LimitError
@@ -61,6 +61,16 @@ class Extent:
     def memory_slice(self) -> slice:
         """Where it stands in the memory block, in bytes."""
         return slice(self.offset, self.offset + self.count * self.width)
+
+    def part(self, begin: int, end: int) -> Extent | None:
+        """Return the elements that bytes [begin, end) of the area's image touch, or None."""
+        first, last = (begin * 8, end * 8) if self.is_bits else \
+            (begin // self.width, -(-end // self.width))
+        first, last = max(self.first, first), min(self.first + self.count, last)
+        if first >= last:
+            return None
+        offset = self.offset + (first - self.first) * self.width
+        return replace(self, first=first, count=last - first, offset=offset)
 
     def to_image(self, raw: bytes) -> bytes:
         """Convert memory bytes to image bytes."""
@@ -120,7 +130,7 @@ class Port:
         self._pending: list[_Write] = []
 
     def read(self, area: str, offset: int, n: int) -> bytes:
-        """Return `n` bytes of an area's image from a byte offset: last published, own writes over it.
+        """Return `n` bytes of an area from a byte offset: as published, own writes over it.
 
         Raises:
             KeyError: there is no such area.
@@ -130,7 +140,8 @@ class Port:
         for write in self._pending:
             if write.area == area and write.offset < offset + n \
                     and offset < write.offset + len(write.data):
-                low, high = max(write.offset, offset), min(write.offset + len(write.data), offset + n)
+                low = max(write.offset, offset)
+                high = min(write.offset + len(write.data), offset + n)
                 part = slice(low - write.offset, high - write.offset)
                 mask = write.mask[part] if write.mask is not None else None
                 _merge(data, low - offset, write.data[part], mask)
@@ -142,9 +153,12 @@ class Port:
         Raises:
             KeyError: there is no such area.
             IndexError: the stretch leaves the area.
+            ValueError: the mask is not as long as the data.
             LimitError: `PENDING_LIMIT` writes wait for the next scan already.
         """
         self._exchange.published(area, offset, len(data))
+        if mask is not None and len(mask) != len(data):
+            raise ValueError(f"a mask of {len(mask)} bytes for {len(data)} bytes of data")
         write = _Write(self, area, offset, bytes(data), mask)
         self._exchange.queue(write)
         self._pending.append(write)
@@ -165,6 +179,9 @@ class Exchange:
     def __init__(self, memory: bytearray, extents: Sequence[Extent] = ()) -> None:
         self._memory = memory
         self._extents = tuple(extents)
+        self._by_area: dict[str, list[Extent]] = {}
+        for extent in self._extents:
+            self._by_area.setdefault(extent.area, []).append(extent)
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
@@ -196,7 +213,12 @@ class Exchange:
         self._queue.append(write)
 
     def force(self, offset: int, data: bytes) -> None:
-        """Hold bytes of memory at a value from the next scan on, whoever writes them."""
+        """Hold bytes of memory at a value from the next scan on, whoever writes them.
+
+        Raises:
+            IndexError: they leave the memory.
+        """
+        self.published(MEMORY, offset, len(data))
         self._forces[offset] = bytes(data)
 
     def unforce(self, offset: int) -> None:
@@ -220,19 +242,29 @@ class Exchange:
         self.writers = set()
         if self._queue:
             waiting, self._queue = self._queue, []
-            touched: set[str] = set()
             for write in waiting:
-                target = self._memory if write.area == MEMORY else self._image[write.area]
-                _merge(target, write.offset, write.data, write.mask)
-                touched.add(write.area)
+                self._latch(write)
                 if write.area[0] == "I":
                     self.writers.add(write.port.name)
                 write.port.latched()
-            for extent in self._extents:
-                if extent.area in touched:
-                    image = bytes(self._image[extent.area][extent.image_slice])
-                    self._memory[extent.memory_slice] = extent.to_memory(image)
         self._apply_forces()
+
+    def _latch(self, write: _Write) -> None:
+        """Put a write into the image and, where the program uses it, into memory.
+
+        Around the written bits the elements keep what memory holds, not what was last published.
+        """
+        if write.area == MEMORY:
+            _merge(self._memory, write.offset, write.data, write.mask)
+            return
+        image, end = self._image[write.area], write.offset + len(write.data)
+        parts = [part for extent in self._by_area.get(write.area, ())
+                 if (part := extent.part(write.offset, end)) is not None]
+        for part in parts:
+            image[part.image_slice] = part.to_image(bytes(self._memory[part.memory_slice]))
+        _merge(image, write.offset, write.data, write.mask)
+        for part in parts:
+            self._memory[part.memory_slice] = part.to_memory(bytes(image[part.image_slice]))
 
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -41,11 +42,19 @@ class Point:
         """Return the raw value: a bit, or a two's complement number as wide as the address.
 
         Values beyond the range of the raw value saturate, as a real input module's do.
+
+        Raises:
+            PointError: the value is not a number.
         """
         if self.is_bit:
             return int(bool(value))
-        counts = round(Fraction(value) / self.scale) if self.scale != 1 else round(value)
+        if math.isnan(value):
+            raise PointError(f"{self.name} is not a number")
         high = (1 << (8 * self.width - 1)) - 1
+        if math.isinf(value):
+            counts = high if (value > 0) == (self.scale > 0) else -high - 1
+        else:
+            counts = round(Fraction(value) / self.scale) if self.scale != 1 else round(value)
         return max(-high - 1, min(high, counts)) & ((1 << 8 * self.width) - 1)
 
     def to_value(self, raw: int) -> bool | float:

@@ -5,7 +5,8 @@ function on Python values, which is the reference for every engine. What touches
 the flow of control is in `STRUCTURAL` and is carried out by the engine itself.
 
 Integers wrap to their width. Integer division truncates towards zero. Dividing an integer by zero
-is a fault; REAL and LREAL follow IEEE 754.
+is a fault; REAL and LREAL follow IEEE 754, and what is not a number is always the same bits. A
+REAL becomes an integer by rounding half to even, then wrapping; one that is not finite is a fault.
 """
 
 from __future__ import annotations
@@ -57,6 +58,8 @@ def wrap(value: int, machine: str) -> int:
 
 def round_float(value: float, machine: str) -> float:
     """Round to the nearest value of a float machine type; beyond the range to infinity."""
+    if math.isnan(value):
+        return math.nan
     if machine == "f64":
         return value
     try:
@@ -121,30 +124,104 @@ def _to_integer(value: Number, machine: str) -> int:
     return wrap(int(value), machine)
 
 
-def _conversion(source: str, target: str) -> Callable[[Number], Number]:
+def _to_float(value: Number, machine: str) -> float:
+    """Convert to a float, rounded once: a large integer must not be rounded to f64 before f32."""
+    if machine == "f64" or isinstance(value, float) or abs(value) < 1 << 53:
+        return round_float(float(value), machine)
+    size = abs(value)
+    sticky = size >> 11 | (size & 0x7FF != 0)
+    return math.copysign(round_float(float(sticky), machine) * 2048.0, value)
+
+
+def _conversion(target: str) -> Callable[[Number], Number]:
     if target == "bool":
         return lambda value: value != 0
     if target in _FLOATS:
-        return lambda value: round_float(float(value), target)
+        return lambda value: _to_float(value, target)
     return lambda value: _to_integer(value, target)
+
+
+def _guarded(fn: Callable[[float], float], below: float = math.nan) -> Callable[[float], float]:
+    """Return a function that gives IEEE values where Python raises: NaN outside the domain."""
+    def guarded(a: float) -> float:
+        try:
+            return fn(a)
+        except ValueError:
+            return below if a == 0 else math.nan
+        except OverflowError:
+            return math.inf
+    return guarded
+
+
+def _power(a: float, b: float) -> float:
+    try:
+        value = a ** b
+    except ZeroDivisionError:
+        return math.inf
+    except OverflowError:
+        return -math.inf if a < 0 and b % 2 == 1 else math.inf
+    return math.nan if isinstance(value, complex) else value
+
+
+def _shift_count(count: int) -> int:
+    if count < 0:
+        raise Fault("a shift by a negative number of bits")
+    return count
+
+
+def _rotated(value: int, count: int, bits: int) -> int:
+    count %= bits
+    return (value << count | value >> (bits - count)) & ((1 << bits) - 1)
+
+
+def _shifts(m: str, bits: int) -> list[Op]:
+    """Return the shifts of a bit string; by its width or more everything is shifted out."""
+    return [
+        Op(f"shl.{m}", (m, "i32"), m, lambda a, n: wrap(a << min(_shift_count(n), bits), m)),
+        Op(f"shr.{m}", (m, "i32"), m, lambda a, n: a >> min(_shift_count(n), bits)),
+        Op(f"rol.{m}", (m, "i32"), m, lambda a, n: _rotated(a, _shift_count(n), bits)),
+        Op(f"ror.{m}", (m, "i32"), m, lambda a, n: _rotated(a, -_shift_count(n), bits)),
+    ]
+
+
+_FLOAT_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "sqrt": _guarded(math.sqrt), "ln": _guarded(math.log, -math.inf),
+    "log": _guarded(math.log10, -math.inf), "exp": _guarded(math.exp),
+    "sin": _guarded(math.sin), "cos": _guarded(math.cos), "tan": _guarded(math.tan),
+    "asin": _guarded(math.asin), "acos": _guarded(math.acos), "atan": math.atan,
+    "abs": abs,
+}
+
+
+def _truncation(target: str) -> Callable[[float], int]:
+    def truncate(a: float) -> int:
+        if not math.isfinite(a):
+            raise Fault(f"{a} has no integer value")
+        return wrap(math.trunc(a), target)
+    return truncate
 
 
 def _build() -> dict[str, Op]:
     table: list[Op] = []
     for m in MACHINE_TYPES:
         table += [Op(f"{n}.{m}", (m, m), "bool", fn) for n, fn in _COMPARISONS.items()]
-        table += [Op(f"to.{m}.{t}", (m,), t, _conversion(m, t)) for t in MACHINE_TYPES if t != m]
-    for m, (_, signed) in _INTEGERS.items():
+        table += [Op(f"to.{m}.{t}", (m,), t, _conversion(t)) for t in MACHINE_TYPES if t != m]
+    for m, (bits, signed) in _INTEGERS.items():
         table += [Op(f"{n}.{m}", (m, m), m, _wrapped(fn, m))
                   for n, fn in _INTEGER_ARITHMETIC.items()]
         table.append(Op(f"neg.{m}", (m,), m, _wrapped(lambda a: -a, m)))
         if not signed:
             table += [Op(f"{n}.{m}", (m, m), m, fn) for n, fn in _BITWISE.items()]
             table.append(Op(f"not.{m}", (m,), m, _wrapped(lambda a: ~a, m)))
+            table += _shifts(m, bits)
+        table.append(Op(f"abs.{m}", (m,), m, _wrapped(abs, m)))
     for m in _FLOATS:
         table += [Op(f"{n}.{m}", (m, m), m, _rounded(fn, m))
                   for n, fn in _FLOAT_ARITHMETIC.items()]
-        table.append(Op(f"neg.{m}", (m,), m, lambda a: -a))
+        table.append(Op(f"neg.{m}", (m,), m, _rounded(lambda a: -a, m)))
+        table.append(Op(f"expt.{m}", (m, m), m, _rounded(_power, m)))
+        table += [Op(f"{n}.{m}", (m,), m, _rounded(fn, m)) for n, fn in _FLOAT_FUNCTIONS.items()]
+        table += [Op(f"trunc.{m}.{t}", (m,), t, _truncation(t)) for t in _INTEGERS]
     table += [Op(f"{n}.bool", ("bool", "bool"), "bool", fn) for n, fn in _BITWISE.items()]
     table.append(Op("not.bool", ("bool",), "bool", lambda a: a ^ 1))
     return {op.name: op for op in table}
@@ -157,6 +234,12 @@ STRUCTURAL: dict[str, str] = {
     "load": "push a value from memory; argument: (machine type, base, offset)",
     "store": "pop a value into memory; argument: (machine type, base, offset)",
     "addr": "push an address; argument: (base, offset)",
+    "loadat": "pop an address, push the value there; argument: (machine type, offset)",
+    "storeat": "pop a value and the address below it, store; argument: (machine type, offset)",
+    "copy": "pop a source and the target below it, copy bytes; argument: how many",
+    "index": "pop an i64 index, push its distance in bytes; argument: (lowest, count, size)",
+    "select": "pop a BOOL, a value for FALSE and one for TRUE, push one; argument: machine type",
+    "builtin": "run a built-in function on memory; argument: its name in ir.builtins",
     "get": "push a local; argument: its number",
     "set": "pop into a local; argument: its number",
     "drop": "pop a value and forget it",
@@ -169,6 +252,16 @@ STRUCTURAL: dict[str, str] = {
     "fault": "stop with a program fault; argument: the reason",
 }
 """The operations that an engine carries out itself, with their arguments."""
+
+def is_value(value: object, machine: str) -> bool:
+    """Whether a Python value is one of a machine type."""
+    if machine == "bool":
+        return isinstance(value, bool | int) and value in (0, 1)
+    if machine in _FLOATS:
+        return isinstance(value, float) and (math.isnan(value)
+                                             or round_float(value, machine) == value)
+    return isinstance(value, int) and machine in _INTEGERS and wrap(value, machine) == value
+
 
 BASES = ("this", "memory")
 """What an offset counts from: the instance the function runs on, or the start of the block."""

@@ -1,14 +1,18 @@
-"""The IR's text form: what `plcemu check --dump ir` prints, and what reads back to the same code."""
+"""The IR's text form: what `plcemu check --dump ir` prints and what reads back to the same code."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 
 from plcemu.base.errors import PlcemuError
 from plcemu.ir.ops import BASES, MACHINE_TYPES, STRUCTURAL, VALUE_OPS
 from plcemu.ir.program import Function, Instr, Program
+
+_HEAD = re.compile(r"function (?P<name>\S+) \((?P<locals>[^()]*)\) -> "
+                   r"(?P<result>\S+) of (?P<pou>\S+)")
 
 
 class IrTextError(PlcemuError):
@@ -18,7 +22,8 @@ class IrTextError(PlcemuError):
 def print_program(program: Program) -> str:
     """Return the whole program as text: memory, instances, tasks, functions."""
     lines = [f"; memory {program.layout.size} bytes"]
-    lines += [f"; extent {e.area} {e.first} +{e.count} at {e.offset}" for e in program.layout.extents]
+    lines += [f"; extent {e.area} {e.first} +{e.count} at {e.offset}"
+              for e in program.layout.extents]
     lines += [f"; clock at {c.offset}{' observed' if c.observed else ''}"
               for c in program.layout.clocks]
     lines += [f"; tag {s.tag.name} {s.tag.type} at {s.offset} {s.tag.address}".rstrip()
@@ -59,6 +64,10 @@ def _instruction(instr: Instr) -> str:
         return f"  addr {arg[0]}+{arg[1]}"
     if op == "const":
         return f"  const.{arg[0]} {arg[1]!r}"
+    if op in ("loadat", "storeat"):
+        return f"  {op}.{arg[0]} +{arg[1]}"
+    if op == "index":
+        return f"  index {arg[0]} {arg[1]} {arg[2]}"
     if op == "fault":
         return f"  fault {json.dumps(arg)}"
     return f"  {op}" if arg is None else f"  {op} {arg}"
@@ -73,20 +82,18 @@ def parse_functions(text: str) -> dict[str, Function]:
     functions: dict[str, Function] = {}
     lines = _meaningful(text)
     for number, line in lines:
-        words = line.replace("(", " ( ").replace(")", " ) ").split()
-        if words[0] != "function" or "->" not in words:
+        head = _HEAD.fullmatch(line)
+        if head is None:
             raise IrTextError(f"line {number}: expected a function, found {line!r}")
-        close, arrow = words.index(")"), words.index("->")
         code = []
         for inner, body in lines:
             if body == "end":
                 break
             code.append(_read(inner, body))
         else:
-            raise IrTextError(f"line {number}: function {words[1]} has no end")
-        result, pou = words[arrow + 1], words[arrow + 3]
-        functions[words[1]] = Function(words[1], tuple(code), tuple(words[3:close]),
-                                       "" if result == "-" else result, "" if pou == "-" else pou)
+            raise IrTextError(f"line {number}: function {head['name']} has no end")
+        functions[head["name"]] = Function(head["name"], tuple(code), tuple(head["locals"].split()),
+                                           head["result"].strip("-"), head["pou"].strip("-"))
     return functions
 
 
@@ -100,7 +107,7 @@ def _meaningful(text: str) -> Iterator[tuple[int, str]]:
 def _read(number: int, line: str) -> Instr:
     try:
         return _read_instruction(line)
-    except (ValueError, KeyError, IndexError):
+    except (ValueError, IndexError):
         raise IrTextError(f"line {number}: not an instruction: {line!r}") from None
 
 
@@ -113,15 +120,20 @@ def _read_instruction(line: str) -> Instr:
         return Instr(op)
     if op in ("jump", "jumpif", "jumpifnot"):
         return Instr(op, int(rest[1:]))
-    if op in ("get", "set"):
+    if op in ("get", "set", "copy"):
         return Instr(op, int(rest))
+    if op == "index":
+        low, count, size = map(int, rest.split())
+        return Instr(op, (low, count, size))
     if op == "fault":
-        return Instr(op, json.loads(rest.split("    ;")[0]))
+        return Instr(op, json.JSONDecoder().raw_decode(rest)[0])
     if op == "addr":
         return Instr(op, _place(rest))
     head, _, machine = op.partition(".")
     if head in ("load", "store"):
         return Instr(head, (_machine(machine), *_place(rest)))
+    if head in ("loadat", "storeat"):
+        return Instr(head, (_machine(machine), int(rest)))
     if head == "const":
         value = float(rest) if machine in ("f32", "f64") else rest == "True" \
             if rest in ("True", "False") else int(rest)

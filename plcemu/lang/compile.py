@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from plcemu.base.areas import Address
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic, Source, Span
 from plcemu.base.tags import Tag
@@ -21,7 +23,7 @@ from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Declarations, Image, Scope, addresses_in
-from plcemu.lang.types import BOOL, BlockType
+from plcemu.lang.types import BOOL, TYPE_OF_SIZE, BlockType
 
 _LIBRARY = ("timers.st", "standard.st", "action_control.st")
 
@@ -39,29 +41,29 @@ def compile_program(source: str | Path | Iterable[str | Path]) -> Program:
     tokens = [tokenize(each, report) for each in sources]
     pous = [pou for each in tokens for pou in parse(each, report)]
     report.stop_on_errors()
-    image = Image(addresses_in(t for each in tokens for t in each))
-    declarations = Declarations([*pous, *_library()], image, report)
+    addresses = addresses_in(t for each in tokens for t in each)
+    image = Image(addresses)
+    declarations = Declarations([*_library(), *pous], image, report)
     scopes = [scope for pou in pous if (scope := declarations.scope(pou.name)) is not None]
     if not any(pou.kind == "PROGRAM" for pou in pous):
         report.error("P0061", Span(sources[0], 0, 0), "there is no PROGRAM in this text")
-    report.stop_on_errors()
     functions = _lower_all(declarations, image, report)
-    _warn_of_unused(scopes, report)
     report.stop_on_errors()
+    _warn_of_unused(scopes, report)
     for function in functions.values():
         check_function(function, functions)
     programs = [scope for scope in scopes if scope.pou.kind == "PROGRAM"]
-    return _assemble(programs, image, functions, report.sorted())
+    return _assemble(programs, image, addresses, functions, report.sorted())
 
 
 def read_sources(source: str | Path | Iterable[str | Path]) -> list[Source]:
-    """Return the texts: a Path is read, a str is the text itself.
+    """Return the texts: a Path is read, a str is the text itself; a byte order mark is dropped.
 
     Raises:
         CompileError: a file cannot be read as UTF-8 text.
     """
     if isinstance(source, str):
-        return [Source("<text>", source)]
+        return [Source("<text>", source.removeprefix("\ufeff"))]
     if isinstance(source, Path):
         return [_read(source)]
     return [made for each in source for made in read_sources(each)] or [Source("<text>", "")]
@@ -69,21 +71,28 @@ def read_sources(source: str | Path | Iterable[str | Path]) -> list[Source]:
 
 def _read(path: Path) -> Source:
     try:
-        return Source(str(path), path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = problem.strerror if isinstance(problem, OSError) else "it is not UTF-8 text"
-        span = Span(Source(str(path), ""), 0, 0)
-        raise CompileError([Diagnostic("P0080", span, f"cannot read the file: {reason}")]) from None
+        return Source(str(path), path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as problem:
+        before = Source(str(path), problem.object[:problem.start].decode("utf-8-sig"))
+        reason = "it is not UTF-8 text from here on"
+    except (OSError, ValueError) as problem:
+        before = Source(str(path), "")
+        reason = problem.strerror if isinstance(problem, OSError) and problem.strerror \
+            else str(problem)
+    span = Span(before, len(before.text), len(before.text))
+    raise CompileError([Diagnostic("P0080", span, f"cannot read the file: {reason}")])
 
 
-def _library() -> list[s.Pou]:
+@cache
+def _library() -> tuple[s.Pou, ...]:
     """Return the standard function blocks, which are written in ST and compiled like user code."""
-    report, pous = Report(), []
+    report = Report()
+    pous: list[s.Pou] = []
     for name in _LIBRARY:
         text = resources.files("plcemu.lang").joinpath("library", name).read_text("utf-8")
         pous += parse(tokenize(Source(f"library/{name}", text), report), report)
     report.stop_on_errors()
-    return pous
+    return tuple(pous)
 
 
 # ---------------------------------------------------------------- lowering
@@ -155,20 +164,23 @@ def _warn_of_unused(scopes: list[Scope], report: Report) -> None:
 # ---------------------------------------------------------------- assembling
 
 
-def _assemble(programs: list[Scope], image: Image, functions: dict[str, Function],
-              warnings: list[Diagnostic]) -> Program:
+def _assemble(programs: list[Scope], image: Image, addresses: list[Address],
+              functions: dict[str, Function], warnings: list[Diagnostic]) -> Program:
     """Lay out memory (the image, then the instances) and put everything together."""
     size = -(-image.size // 8) * 8
     instances = []
     for scope in programs:
         instances.append(Instance(scope.pou.name, scope.pou.name.upper(), size))
         size += scope.type.size
-    initial, slots, clocks = bytearray(size), [], []
+    initial = bytearray(size)
+    slots: list[Slot] = []
+    clocks: list[ClockCell] = []
     for scope, instance in zip(programs, instances, strict=True):
         slots += _located_slots(scope, initial)
         slots += _instance_slots(scope.type, instance, initial)
         clocks += [ClockCell(offset, _is_observed(holder))
                    for offset, holder in scope.type.clocks(instance.base)]
+    slots += _direct_slots(programs, addresses, image, {slot.tag.address for slot in slots})
     layout = Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(clocks))
     task = Task("main", programs=tuple(i.name for i in instances))
     used = _reachable(functions, [i.function for i in instances])
@@ -181,10 +193,19 @@ def _located_slots(scope: Scope, initial: bytearray) -> list[Slot]:
     for each in scope.located:
         if each.initial is not None:
             _put(initial, each.offset, each.type, each.initial)
-        address = str(each.address)
-        name = f"{scope.pou.name}.{each.name}" if not each.name.startswith("%") else address
-        slots.append(Slot(Tag(name, each.type.name, address=address), each.offset))
+        if not each.name.startswith("%"):
+            name = f"{scope.pou.name}.{each.name}"
+            slots.append(Slot(Tag(name, each.type.name, address=str(each.address)), each.offset))
     return slots
+
+
+def _direct_slots(programs: list[Scope], addresses: list[Address], image: Image,
+                  named: set[str]) -> list[Slot]:
+    """Return a slot for every address that the program uses and no named variable has."""
+    types = {str(each.address): each.type for scope in programs for each in scope.located}
+    unnamed = sorted(set(addresses), key=lambda a: (a.area, a.index))
+    return [Slot(Tag(str(a), types.get(str(a), TYPE_OF_SIZE[a.area[1]]).name, address=str(a)),
+                 image.offset(a)) for a in unnamed if str(a) not in named]
 
 
 def _instance_slots(block: BlockType, instance: Instance, initial: bytearray) -> list[Slot]:
@@ -193,7 +214,7 @@ def _instance_slots(block: BlockType, instance: Instance, initial: bytearray) ->
         assert isinstance(each.type, ElementaryType)
         if each.initial is not None:
             _put(initial, offset, each.type, each.initial)
-        if "__" not in name:
+        if not any(part.startswith("__") for part in name.split(".")):
             slots.append(Slot(Tag(name, each.type.name, "ns" if each.type.kind == "time" else ""),
                               offset))
     return slots

@@ -11,18 +11,22 @@ from plcemu.lang.report import Report
 NESTING_LIMIT = 60
 """How deeply expressions, statements and IL parentheses may nest."""
 
-RESERVED = frozenset("""
-    PROGRAM END_PROGRAM FUNCTION_BLOCK END_FUNCTION_BLOCK FUNCTION END_FUNCTION CONFIGURATION
-    END_CONFIGURATION TYPE END_TYPE VAR VAR_INPUT VAR_OUTPUT VAR_IN_OUT VAR_TEMP VAR_GLOBAL
-    VAR_EXTERNAL END_VAR INITIAL_STEP STEP END_STEP TRANSITION END_TRANSITION ACTION END_ACTION
-    IF THEN ELSIF ELSE END_IF CASE OF END_CASE FOR TO BY DO END_FOR WHILE END_WHILE REPEAT UNTIL
-    END_REPEAT EXIT RETURN
-""".split())
+RESERVED = frozenset((
+    "PROGRAM", "END_PROGRAM", "FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "FUNCTION", "END_FUNCTION",
+    "CONFIGURATION", "END_CONFIGURATION", "TYPE", "END_TYPE", "VAR", "VAR_INPUT", "VAR_OUTPUT",
+    "VAR_IN_OUT", "VAR_TEMP", "VAR_GLOBAL", "VAR_EXTERNAL", "END_VAR", "INITIAL_STEP", "STEP",
+    "END_STEP", "TRANSITION", "END_TRANSITION", "ACTION", "END_ACTION", "IF", "THEN", "ELSIF",
+    "ELSE", "END_IF", "CASE", "OF", "END_CASE", "FOR", "TO", "BY", "DO", "END_FOR", "WHILE",
+    "END_WHILE", "REPEAT", "UNTIL", "END_REPEAT", "EXIT", "RETURN"))
 """Keywords that can be no name and at which recovery stops."""
 
 
 class SyntaxFailure(Exception):
-    """The parser cannot go on here; the mistake is in the report, the caller finds a place to resume."""
+    """The parser cannot go on here; the report says why, the caller finds a place to resume."""
+
+
+class NestedTooDeeply(SyntaxFailure):
+    """What begins here is to be skipped with all that it holds."""
 
 
 class Cursor:
@@ -42,6 +46,15 @@ class Cursor:
     def peek(self, ahead: int = 1) -> Token:
         """Return a token further on."""
         return self._tokens[min(self._index + ahead, len(self._tokens) - 1)]
+
+    @property
+    def index(self) -> int:
+        """The number of the token at the cursor."""
+        return self._index
+
+    def since(self, index: int) -> list[Token]:
+        """Return the tokens from a number up to the cursor, without the one at it."""
+        return self._tokens[index:self._index]
 
     @property
     def previous(self) -> Token:
@@ -80,7 +93,12 @@ class Cursor:
         raise self.failure(what)
 
     def failure(self, expected: str, code: str = "P0010") -> SyntaxFailure:
-        """Report that something else was expected here, and return the exception to raise."""
+        """Report that something else was expected here, and return the exception to raise.
+
+        Of a text that is no token the lexer has told already.
+        """
+        if self.token.kind == "bad" or (self.at_end() and self.previous.kind == "bad"):
+            return SyntaxFailure()
         found = "the end of the text" if self.at_end() else repr(self.token.text)
         self.report.error(code, self.place(), f"expected {expected}, found {found}")
         return SyntaxFailure()
@@ -103,13 +121,13 @@ class Cursor:
         """Count one level of nesting.
 
         Raises:
-            SyntaxFailure: `NESTING_LIMIT` levels are open.
+            NestedTooDeeply: `NESTING_LIMIT` levels are open.
         """
-        self._depth += 1
-        if self._depth > NESTING_LIMIT:
+        if self._depth >= NESTING_LIMIT:
             self.report.error("P0014", self.place(),
                               f"nested more than {NESTING_LIMIT} levels deep")
-            raise SyntaxFailure
+            raise NestedTooDeeply
+        self._depth += 1
 
     def leave(self) -> None:
         """End one level of nesting."""

@@ -12,7 +12,8 @@ from plcemu.lang.sfc import ELEMENTS, parse_sfc
 from plcemu.lang.st import parse_expression, parse_statements
 
 _POUS = ("PROGRAM", "FUNCTION_BLOCK")
-_LATER = ("FUNCTION", "CONFIGURATION", "TYPE", "VAR_GLOBAL", "RESOURCE")
+_LATER = {"FUNCTION": "END_FUNCTION", "CONFIGURATION": "END_CONFIGURATION", "TYPE": "END_TYPE",
+          "VAR_GLOBAL": "END_VAR", "RESOURCE": "END_RESOURCE"}
 _SECTIONS = ("VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_TEMP")
 _LATER_SECTIONS = ("VAR_IN_OUT", "VAR_EXTERNAL", "VAR_GLOBAL", "VAR_ACCESS")
 
@@ -28,9 +29,10 @@ def parse(tokens: list[Token], report: Report) -> list[s.Pou]:
             if cursor.at(*_LATER):
                 what = cursor.token.upper
                 report.error("P0090", cursor.token.span, f"{what} is not supported yet")
-                cursor.skip_to(f"END_{what}", over=(f"END_{what}",))
+                cursor.skip_to(_LATER[what], over=(_LATER[what],))
                 continue
-            raise cursor.failure("PROGRAM or FUNCTION_BLOCK")
+            if not cursor.accept(";"):
+                raise cursor.failure("PROGRAM or FUNCTION_BLOCK")
         except SyntaxFailure:
             cursor.skip_to(*_POUS, *_LATER, "END_PROGRAM", "END_FUNCTION_BLOCK",
                            over=("END_PROGRAM", "END_FUNCTION_BLOCK"))
@@ -69,12 +71,16 @@ def _section(cursor: Cursor) -> list[s.Variable]:
     while cursor.at("CONSTANT", "RETAIN", "NON_RETAIN"):
         options.add(cursor.advance().upper)
     variables: list[s.Variable] = []
+    failed = False
     while not cursor.at("END_VAR"):
         if cursor.at_end() or cursor.at(*_POUS, *ELEMENTS, "END_PROGRAM", "END_FUNCTION_BLOCK"):
-            raise cursor.failure(f"END_VAR to close {keyword.upper}", "P0011")
+            # After a mistake the missing END_VAR is most likely the mistake itself.
+            raise SyntaxFailure if failed else \
+                cursor.failure(f"END_VAR to close {keyword.upper}", "P0011")
         try:
             variables.extend(_declaration(cursor, keyword.upper, options))
         except SyntaxFailure:
+            failed = True
             cursor.skip_to(";", "END_VAR", "END_PROGRAM", "END_FUNCTION_BLOCK", over=(";",))
     cursor.advance()
     return variables

@@ -7,16 +7,12 @@ from collections.abc import Callable
 from plcemu.base.areas import Address
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
-from plcemu.base.types import ELEMENTARY, ElementaryType
+from plcemu.base.types import ElementaryType
 from plcemu.ir.program import Function, Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Scope, read_address
-from plcemu.lang.types import BlockType, Place
-
-_TYPE_OF_SIZE = {"X": ELEMENTARY["BOOL"], "B": ELEMENTARY["BYTE"], "W": ELEMENTARY["WORD"],
-                 "D": ELEMENTARY["DWORD"], "L": ELEMENTARY["LWORD"]}
-"""The type of a direct address that no declaration gives a type (table 15)."""
+from plcemu.lang.types import TYPE_OF_SIZE, BlockType, Place
 
 
 class Emitter:
@@ -30,8 +26,8 @@ class Emitter:
         result: the machine type it returns, or empty.
     """
 
-    def __init__(self, scope: Scope, image_offset: Callable[[Address], int], report: Report, name: str,
-                 result: str = "") -> None:
+    def __init__(self, scope: Scope, image_offset: Callable[[Address], int], report: Report,
+                 name: str, result: str = "") -> None:
         self.scope = scope
         self.report = report
         self.name = name
@@ -84,7 +80,7 @@ class Emitter:
         if place.base == "unknown":
             return None
         for part in node.parts[1:]:
-            field = place.type.fields.get(part.upper()) if isinstance(place.type, BlockType) else None
+            field = place.type.visible(part) if isinstance(place.type, BlockType) else None
             if field is None:
                 self._no_field(node, place, part)
                 return None
@@ -109,16 +105,18 @@ class Emitter:
         address = read_address(node.address, node.span, self.report)
         if address is None:
             return None
-        return Place("memory", self._image_offset(address), _TYPE_OF_SIZE[address.area[1]],
-                     str(address))
+        declared = self.scope.places.get(str(address))
+        return declared or Place("memory", self._image_offset(address),
+                                 TYPE_OF_SIZE[address.area[1]], str(address))
 
     def _unknown(self, node: s.Name) -> None:
-        known = [p.name for key, p in self.scope.places.items() if not key.startswith("__")]
+        places = [*self.scope.places.values(), *self._names.values()]
+        known = [p.name for p in places if not p.name.startswith("__")]
         hint = did_you_mean(node.parts[0], known).removeprefix("; ")
         self.report.error("P0020", node.span, f"{node.parts[0]!r} is not declared", hint)
 
     def _no_field(self, node: s.Name, place: Place, part: str) -> None:
-        known = [f.name for f in place.type.fields.values() if not f.name.startswith("__")] \
+        known = [f.name for f in place.type.fields.values() if place.type.visible(f.name)] \
             if isinstance(place.type, BlockType) else []
         what = place.type.kind.replace("_", " ").lower() if isinstance(place.type, BlockType) \
             else place.type.name

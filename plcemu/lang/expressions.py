@@ -21,26 +21,34 @@ from plcemu.lang.types import (
 )
 
 ARITHMETIC = {"ADD": "add", "SUB": "sub", "MUL": "mul", "DIV": "div", "MOD": "mod"}
-LOGIC = {"AND": "and", "OR": "or", "XOR": "xor", "&": "and"}
+LOGIC = {"AND": "and", "OR": "or", "XOR": "xor"}
 COMPARISON = {"EQ": "eq", "NE": "ne", "LT": "lt", "LE": "le", "GT": "gt", "GE": "ge"}
 
 _NUMERIC = ("int", "uint", "float", "literal")
 _KINDS = {"ADD": (*_NUMERIC, "time"), "SUB": (*_NUMERIC, "time"), "MUL": _NUMERIC,
           "DIV": _NUMERIC, "MOD": ("int", "uint", "literal"),
-          **{op: ("bool", "bits") for op in LOGIC}}
+          "NEG": ("int", "float", "time", "literal"),
+          **dict.fromkeys((*LOGIC, "NOT"), ("bool", "bits"))}
+"""The kinds of types that an operator works on; the comparisons take all."""
 
 
 def operand_type(op: str, left: ElementaryType, right: ElementaryType) -> ElementaryType | None:
     """Return the type in which an operator works on its operands, or None if they do not fit it."""
     if op in LOGIC and INT_LITERAL in (left, right) and BOOL in (left, right):
         return BOOL
-    if op in ("MUL", "DIV") and left == TIME and right.kind in ("int", "uint", "literal") \
+    if op in ("MUL", "DIV") and left.kind == "time" and right.kind in ("int", "uint", "literal") \
             and right is not REAL_LITERAL:
-        return TIME
+        return left
     common = common_type(left, right)
     if common is None or (op not in COMPARISON and common.kind not in _KINDS[op]):
         return None
     return common
+
+
+def second_type(op: str, common: ElementaryType, right: ElementaryType) -> ElementaryType:
+    """Return the type of an operator's second operand: of TIME times a number it is the number."""
+    scales = op in ("MUL", "DIV") and common.kind == "time" and right.kind != "time"
+    return LINT if scales else common
 
 
 def operation(op: str, of: ElementaryType) -> str:
@@ -53,25 +61,35 @@ class Expressions:
 
     def __init__(self, emitter: Emitter) -> None:
         self._out = emitter
-        self._types: dict[int, ElementaryType | None] = {}
+        self._types: dict[s.Expr, ElementaryType | None] = {}
+
+    # ------------------------------------------------------------ types
 
     def infer(self, expr: s.Expr) -> ElementaryType | None:
         """Return an expression's type (perhaps a literal's), or None after a reported mistake."""
-        if id(expr) not in self._types:
-            self._types[id(expr)] = self._infer(expr)
-        return self._types[id(expr)]
+        chain: list[s.Binary] = []
+        while isinstance(expr, s.Binary) and expr not in self._types:
+            chain.append(expr)
+            expr = expr.left
+        if expr not in self._types:
+            self._types[expr] = self._infer_operand(expr)
+        of = self._types[expr]
+        for binary in reversed(chain):
+            of = self._types[binary] = self._infer_binary(binary, of)
+        return of
 
-    def _infer(self, expr: s.Expr) -> ElementaryType | None:
+    def _infer_operand(self, expr: s.Expr) -> ElementaryType | None:
         if isinstance(expr, s.Literal):
             return _literal_type(expr, self._out)
         if isinstance(expr, s.Name | s.Direct):
             found = self._out.value_place(expr)
             return found[1] if found else None
-        if isinstance(expr, s.Evaluate):
-            return BOOL
         if isinstance(expr, s.Unary):
             return self._infer_unary(expr)
-        left, right = self.infer(expr.left), self.infer(expr.right)
+        return BOOL
+
+    def _infer_binary(self, expr: s.Binary, left: ElementaryType | None) -> ElementaryType | None:
+        right = self.infer(expr.right)
         if left is None or right is None:
             return None
         of = operand_type(expr.op, left, right)
@@ -84,31 +102,103 @@ class Expressions:
 
     def _infer_unary(self, expr: s.Unary) -> ElementaryType | None:
         of = self.infer(expr.operand)
-        if of is None:
-            return None
-        fits = ("bool", "bits") if expr.op == "NOT" else ("int", "float", "time", "literal")
-        if of.kind not in fits:
-            self._out.report.error("P0023", expr.span, f"{expr.op} does not fit {of.name}")
-            return None
-        return of
+        return of if of is not None and self._fits(expr, of) else None
+
+    def _fits(self, expr: s.Unary | s.Binary, of: ElementaryType) -> bool:
+        """Whether an operator works on a type; a mistake goes to the report."""
+        if expr.op in COMPARISON or of.kind in _KINDS[expr.op]:
+            return True
+        self._out.report.error("P0023", expr.span, f"{expr.op} does not fit {of.name}")
+        return False
+
+    # ------------------------------------------------------------ code
 
     def emit(self, expr: s.Expr, target: ElementaryType) -> bool:
         """Push the value of an expression as a type; False after a reported mistake."""
+        # Operators lean to the left, so a long sum is a deep tree: go down it in a loop.
+        chain: list[tuple[s.Binary, ElementaryType, ElementaryType, ElementaryType]] = []
+        while isinstance(expr, s.Binary):
+            types = self._binary_types(expr, target)
+            if types is None:
+                return False
+            chain.append((expr, *types, target))
+            expr, target = expr.left, types[1]
+        good = self._emit_operand(expr, target)
+        for binary, of, common, wanted in reversed(chain):
+            right = self.infer(binary.right)
+            good = right is not None \
+                and self.emit(binary.right, second_type(binary.op, common, right)) and good
+            self._out.emit(operation(binary.op, common), None, binary.span)
+            self.convert(of, wanted, binary.span)
+        return good
+
+    def _binary_types(self, expr: s.Binary,
+                      target: ElementaryType) -> tuple[ElementaryType, ElementaryType] | None:
+        """Return the types of a result and of the operands; None after a reported mistake."""
+        of, left, right = self.infer(expr), self.infer(expr.left), self.infer(expr.right)
+        if of is None or left is None or right is None:
+            return None
+        common = operand_type(expr.op, left, right)
+        if of.kind == "literal":
+            of = common = target
+            if not self._takes_literal(expr, left, right, target):
+                return None
+        elif not self._widens(expr, of, target):
+            return None
+        if common is not None and common.kind == "literal":
+            common = default_type(expr, common)
+        return (of, common) if common is not None else None
+
+    def _takes_literal(self, expr: s.Binary, left: ElementaryType, right: ElementaryType,
+                       target: ElementaryType) -> bool:
+        if target.kind != "float" and REAL_LITERAL in (left, right):
+            return self._widens(expr, REAL_LITERAL, target)
+        return self._widens(expr, INT_LITERAL, target) if target.kind not in _NUMERIC \
+            else self._fits(expr, target)
+
+    def _widens(self, expr: s.Expr, of: ElementaryType, target: ElementaryType) -> bool:
+        if widens(of, target):
+            return True
+        self._out.report.error("P0023", expr.span, f"{of.name} where {target.name} is expected",
+                               _conversion_hint(of, target))
+        return False
+
+    def _emit_operand(self, expr: s.Expr, target: ElementaryType) -> bool:
         of = self.infer(expr)
         if of is None:
             return False
-        constant = _folded(expr)
-        if constant is not None:
-            return self._emit_literal(constant, of, target)
+        if _is_constant(expr):
+            if of.kind != "literal" and not self._widens(expr, of, target):
+                return False
+            value = constant_value(expr, target, self._out.report)
+            self._out.emit("const", (target.machine, value), expr.span)
+            return value is not None
         if of.kind == "literal":
+            assert isinstance(expr, s.Unary)
+            if not self._fits(expr, target):
+                return False
             of = target
-        elif not widens(of, target):
-            self._out.report.error("P0023", expr.span, f"{of.name} where {target.name} is expected",
-                                   _conversion_hint(of, target))
+        elif not self._widens(expr, of, target):
             return False
-        self._emit_natural(expr, of)
+        good = self._emit_natural(expr, of)
         self.convert(of, target, expr.span)
-        return not self._out.report.has_errors
+        return good
+
+    def _emit_natural(self, expr: s.Expr, of: ElementaryType) -> bool:
+        out = self._out
+        if isinstance(expr, s.Name | s.Direct):
+            found = out.value_place(expr)
+            if found:
+                out.load(found[0], found[1], expr.span)
+            return found is not None
+        if isinstance(expr, s.Unary):
+            good = self.emit(expr.operand, of)
+            out.emit(f"{expr.op.lower()}.{of.machine}", None, expr.span)
+            return good
+        assert isinstance(expr, s.Evaluate)
+        out.emit("addr", ("this", 0), expr.span)
+        out.emit("call", expr.function, expr.span)
+        return True
 
     def emit_natural(self, expr: s.Expr) -> ElementaryType | None:
         """Push the value of an expression in its own type and return it."""
@@ -123,65 +213,32 @@ class Expressions:
         if source.machine != target.machine:
             self._out.emit(f"to.{source.machine}.{target.machine}", None, span)
 
-    def _emit_literal(self, expr: s.Expr, of: ElementaryType, target: ElementaryType) -> bool:
-        if of.kind != "literal" and not widens(of, target):
-            self._out.report.error("P0023", expr.span, f"{of.name} where {target.name} is expected",
-                                   _conversion_hint(of, target))
-            return False
-        value = constant_value(expr, target, self._out.report)
-        if value is None:
-            return False
-        self._out.emit("const", (target.machine, value), expr.span)
-        return True
-
-    def _emit_natural(self, expr: s.Expr, of: ElementaryType) -> None:
-        out = self._out
-        if isinstance(expr, s.Name | s.Direct):
-            found = out.value_place(expr)
-            if found:
-                out.load(found[0], found[1], expr.span)
-        elif isinstance(expr, s.Evaluate):
-            out.emit("addr", ("this", 0), expr.span)
-            out.emit("call", expr.function, expr.span)
-        elif isinstance(expr, s.Unary):
-            self.emit(expr.operand, of)
-            out.emit(f"{expr.op.lower()}.{of.machine}", None, expr.span)
-        elif isinstance(expr, s.Binary):
-            self._emit_binary(expr, of)
-
-    def _emit_binary(self, expr: s.Binary, of: ElementaryType) -> None:
-        left, right = self.infer(expr.left), self.infer(expr.right)
-        assert left is not None and right is not None
-        common = operand_type(expr.op, left, right)
-        assert common is not None
-        if common.kind == "literal":
-            common = default_type(expr, common) if expr.op in COMPARISON else of
-        second = LINT if common == TIME and right != TIME and expr.op in ("MUL", "DIV") else common
-        if self.emit(expr.left, common) and self.emit(expr.right, second):
-            self._out.emit(operation(expr.op, common), None, expr.span)
-
 
 def default_type(expr: s.Expr, of: ElementaryType) -> ElementaryType:
-    """Return the type a literal takes where nothing around it asks for one."""
+    """Return the type that literals take where nothing around them asks for one."""
     if of is REAL_LITERAL:
         return REAL
     if of is not INT_LITERAL:
         return of
-    folded = _folded(expr)
-    value = folded.value if isinstance(folded, s.Literal) else \
-        folded.operand.value if isinstance(folded, s.Unary) and isinstance(folded.operand, s.Literal) \
-        else 0
-    size = abs(int(value))
-    return INT if size < 1 << 15 else DINT if size < 1 << 31 else LINT
+    low, high, pending = 0, 0, [expr]
+    while pending:
+        each = pending.pop()
+        if isinstance(each, s.Binary):
+            pending += [each.left, each.right]
+        elif isinstance(each, s.Literal):
+            high = max(high, int(each.value))
+        elif isinstance(each, s.Unary) and isinstance(each.operand, s.Literal):
+            low = min(low, -int(each.operand.value))
+        elif isinstance(each, s.Unary):
+            pending.append(each.operand)
+    return next((row for row in (INT, DINT) if row.low <= low and high <= row.high), LINT)
 
 
-def _folded(expr: s.Expr) -> s.Literal | s.Unary | None:
-    """Return the expression if it is a literal with at most a sign."""
-    if isinstance(expr, s.Literal):
-        return expr
-    if isinstance(expr, s.Unary) and expr.op == "NEG" and isinstance(expr.operand, s.Literal):
-        return expr
-    return None
+def _is_constant(expr: s.Expr) -> bool:
+    """Whether the expression is a literal with at most a sign."""
+    if isinstance(expr, s.Unary) and expr.op == "NEG":
+        expr = expr.operand
+    return isinstance(expr, s.Literal)
 
 
 def _literal_type(expr: s.Literal, out: Emitter) -> ElementaryType | None:

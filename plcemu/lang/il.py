@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plcemu.base.errors import did_you_mean
-from plcemu.base.spans import Span
 from plcemu.lang import syntax as s
-from plcemu.lang.cursor import RESERVED, Cursor, SyntaxFailure
-from plcemu.lang.st import parse_arguments, parse_expression
+from plcemu.lang.cursor import RESERVED, Cursor, NestedTooDeeply, SyntaxFailure
+from plcemu.lang.st import parse_arguments
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +54,25 @@ _CLOSERS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "
 
 
 def looks_like_il(cursor: Cursor) -> bool:
-    """Whether a body that starts here is IL: a label or an operator that ST would not start with."""
-    ahead = 0
-    if cursor.token.kind == "name" and cursor.peek().text == ":":
-        ahead = 2
-    token, following = cursor.peek(ahead), cursor.peek(ahead + 1)
-    if token.upper not in _SPELLINGS:
-        return ahead == 2
-    return following.text not in (":=", ".", "[", ";") or following.starts_line
+    """Whether a body that starts here is IL: no statement of ST begins like its first line."""
+    token, following = cursor.token, cursor.peek()
+    if token.kind == "name" and following.text == ":":
+        return True
+    if token.upper in _SPELLINGS:
+        return following.text not in (":=", ".", "[", ";") or following.starts_line
+    return _misspelt(cursor)
+
+
+def _misspelt(cursor: Cursor) -> bool:
+    """Whether two words stand side by side on a line that nothing marks as ST."""
+    if cursor.token.kind != "name" or cursor.token.upper in RESERVED:
+        return False
+    ahead = 1
+    while not cursor.peek(ahead).starts_line:
+        if cursor.peek(ahead).text in (";", ":=", "=", "("):
+            return False
+        ahead += 1
+    return ahead > 1 and cursor.peek().kind in ("name", "direct", "int", "real", "bool", "time")
 
 
 def parse_il(cursor: Cursor) -> s.IlBody:
@@ -78,20 +88,36 @@ def _instructions(cursor: Cursor, closers: tuple[str, ...]) -> tuple[s.Instructi
             continue
         if cursor.token.kind == "name" and cursor.token.upper in RESERVED:
             break
+        begin = cursor.index
         try:
+            if found and not cursor.token.starts_line and cursor.token.upper not in _SPELLINGS \
+                    and cursor.previous.text != ";":
+                raise cursor.failure("the end of the line")
             found.append(_instruction(cursor))
-        except SyntaxFailure:
-            _skip_line(cursor)
+        except SyntaxFailure as failure:
+            _skip_line(cursor, begin, closers, isinstance(failure, NestedTooDeeply))
     return tuple(found)
 
 
-def _skip_line(cursor: Cursor) -> None:
-    """Resume at the next line; the mistake costs its own line only."""
+def _skip_line(cursor: Cursor, begin: int, closers: tuple[str, ...], whole: bool) -> None:
+    """Resume at the next line outside of the instruction's parentheses.
+
+    A line that begins like an instruction is taken for one, unless the `whole` of it is skipped.
+    """
+    texts = [token.text for token in cursor.since(begin)]
+    depth = texts.count("(") - texts.count(")")
     while not cursor.at_end() and not cursor.at(*_CLOSERS):
-        if cursor.peek().starts_line:
-            cursor.advance()
+        if depth <= 0 and cursor.at(*closers):
             return
-        cursor.advance()
+        if cursor.index > begin and cursor.token.starts_line and (
+                depth <= 0 or (not whole and _begins(cursor))):
+            return
+        depth += {"(": 1, ")": -1}.get(cursor.advance().text, 0)
+
+
+def _begins(cursor: Cursor) -> bool:
+    """Whether an instruction begins here, and not an argument of a call."""
+    return cursor.token.upper in _SPELLINGS and cursor.peek().text not in (":=", "=>")
 
 
 def _instruction(cursor: Cursor) -> s.Instruction:
@@ -114,6 +140,7 @@ def _instruction(cursor: Cursor) -> s.Instruction:
             raise SyntaxFailure
         return s.Instruction(start.to(operand.span), label, op, negated, False, operand)
     if kind == "label":
+        _on_its_line(cursor, op)
         target = cursor.identifier(f"a label after {op}")
         operand = s.Name(target.span, (target.text,))
         return s.Instruction(start.to(target.span), label, op, negated, conditional, operand)
@@ -141,20 +168,22 @@ def _operator(cursor: Cursor) -> tuple[str, bool, bool]:
     return _SPELLINGS[spelling]
 
 
+def _on_its_line(cursor: Cursor, op: str) -> None:
+    if cursor.token.starts_line or cursor.at_end():
+        cursor.report.error("P0013", cursor.previous.span, f"{op} needs an operand on its line")
+        raise SyntaxFailure
+
+
 def _operand(cursor: Cursor, op: str) -> s.Expr:
     """Parse an operand: a literal, a variable or an address on the operator's own line."""
-    if cursor.token.starts_line or cursor.at_end():
-        span = cursor.previous.span
-        cursor.report.error("P0013", Span(span.source, span.start, span.end),
-                            f"{op} needs an operand on its line")
-        raise SyntaxFailure
+    _on_its_line(cursor, op)
     sign = cursor.token.span if cursor.at("-", "+") else None
     literal = cursor.peek() if sign else cursor.token
     if literal.kind in ("int", "real", "time", "bool", "string"):
         negative = sign is not None and cursor.advance().text == "-"
         cursor.advance()
         value = s.Literal(literal.span, literal.kind, literal.value, literal.type)
-        return s.Unary(literal.span, "NEG", value) if negative else value
+        return s.Unary(sign.to(literal.span), "NEG", value) if sign and negative else value
     if cursor.token.kind == "direct":
         token = cursor.advance()
         return s.Direct(token.span, token.text)
@@ -210,5 +239,3 @@ def _call(cursor: Cursor, head: s.Instruction) -> s.Instruction:
     return s.Instruction(head.span.to(cursor.previous.span), head.label, head.op, head.negated,
                          head.conditional, name, None, arguments)
 
-
-__all__ = ["OPERATORS", "Operator", "looks_like_il", "parse_expression", "parse_il"]

@@ -5,7 +5,9 @@ The lexer never stops at a mistake: it reports it and goes on with the next char
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from plcemu.base.spans import Source, Span
@@ -22,7 +24,8 @@ class Token:
     """One token.
 
     Attributes:
-        kind: `name`, `int`, `real`, `time`, `bool`, `string`, `direct`, `op` or `end`.
+        kind: `name`, `int`, `real`, `time`, `bool`, `string`, `direct`, `op`, `bad` (reported
+            already) or `end`.
         text: as written.
         value: of a literal: int, float, ns, bool or text.
         type: the type written before a `#`, or empty.
@@ -43,24 +46,25 @@ class Token:
 
 
 _TOKEN = re.compile(r"""
-    (?P<space>[ \t\r\f\v\ufeff]+)
+    (?P<space>[ \t\r\f\v]+)
   | (?P<newline>\n)
   | (?P<line_comment>//[^\n]*)
   | (?P<comment>\(\*|/\*)
   | (?P<pragma>\{[^}\n]*\})
-  | (?P<time>(?:LTIME|TIME|LT|T)\#-?[0-9][0-9A-Za-z_.]*)
+  | (?P<time>(?:[Ll]?[Tt][Ii][Mm][Ee]|[Ll]?[Tt])\#-?[0-9][0-9A-Za-z_.]*)
   | (?P<typed>[A-Za-z_][A-Za-z0-9_]*\#(?:[0-9]+\#[0-9A-Fa-f_]+|[+-]?[0-9][0-9_]*(?:\.[0-9][0-9_]*)?
         (?:[eE][+-]?[0-9]+)?|[A-Za-z_][A-Za-z0-9_]*))
-  | (?P<based>(?:2|8|16)\#[0-9A-Fa-f_]+)
+  | (?P<based>(?:2|8|16)\#[0-9A-Fa-f_]*)
   | (?P<real>[0-9][0-9_]*\.[0-9][0-9_]*(?:[eE][+-]?[0-9]+)?)
   | (?P<int>[0-9][0-9_]*)
   | (?P<direct>%[A-Za-z*][A-Za-z0-9.*]*)
-  | (?P<name>[A-Za-z_][A-Za-z0-9_]*)
+  | (?P<name>[A-Za-z_][A-Za-z0-9_]*+(?!\w))
+  | (?P<foreign>[^\W\d]\w*)
   | (?P<string>'(?:\$.|[^$'\n])*'|"(?:\$.|[^$"\n])*")
   | (?P<op>:=|=>|<>|<=|>=|\*\*|\.\.|[-+*/()\[\],;:=<>&.\#])
-""", re.VERBOSE | re.IGNORECASE)
+""", re.VERBOSE)
 
-_CLOSES = {"(*": "*)", "/*": "*/"}
+_COMMENT_ENDS = {"(*": ("*)", re.compile(r"\(\*|\*\)")), "/*": ("*/", re.compile(r"/\*|\*/"))}
 
 
 def tokenize(source: Source, report: Report) -> list[Token]:
@@ -73,14 +77,20 @@ def tokenize(source: Source, report: Report) -> list[Token]:
     position, fresh, text = 0, True, source.text
     while position < len(text):
         match = _TOKEN.match(text, position)
-        if match is None:
-            position = _bad_character(source, position, report)
+        start = position
+        if match is None or match.lastgroup == "foreign":
+            position = _bad_text(source, match, start, report)
+            tokens.append(Token("bad", "", Span(source, start, position), starts_line=fresh))
+            fresh = False
             continue
-        kind, start, position = str(match.lastgroup), position, match.end()
+        kind, position = str(match.lastgroup), match.end()
         if kind == "newline":
             fresh = True
         elif kind == "comment":
-            position = _skip_comment(source, start, report)
+            end = _skip_comment(source, start, report)
+            position = len(text) if end is None else end
+            if end is None:
+                tokens.append(Token("bad", "", Span(source, start, position), starts_line=fresh))
             fresh = fresh or "\n" in text[start:position]
         elif kind not in ("space", "line_comment", "pragma"):
             tokens.append(_token(kind, match[0], Span(source, start, position), fresh, report))
@@ -89,7 +99,14 @@ def tokenize(source: Source, report: Report) -> list[Token]:
     return tokens
 
 
-def _bad_character(source: Source, position: int, report: Report) -> int:
+def _bad_text(source: Source, match: re.Match[str] | None, position: int, report: Report) -> int:
+    """Report what is no token, at its first wrong character; return the offset after it."""
+    if match is not None:
+        wrong = next(i for i in range(*match.span()) if not source.text[i].isascii())
+        report.error("P0001", Span(source, wrong, wrong + 1),
+                     f"unexpected character {source.text[wrong]!r} in a name",
+                     "names have the letters A to Z, digits and underscores")
+        return match.end()
     char = source.text[position]
     if char in "'\"":
         end = source.text.find("\n", position)
@@ -100,19 +117,17 @@ def _bad_character(source: Source, position: int, report: Report) -> int:
     return position + 1
 
 
-def _skip_comment(source: Source, start: int, report: Report) -> int:
-    """Return the offset after a comment; comments of the form `(* *)` nest, as users expect."""
-    opening = source.text[start:start + 2]
-    closing, depth, position = _CLOSES[opening], 1, start + 2
-    while depth:
-        close = source.text.find(closing, position)
-        if close < 0:
-            report.error("P0002", Span(source, start, start + 2),
-                         f"the comment does not end; {closing} is missing")
-            return len(source.text)
-        inner = source.text.find(opening, position, close)
-        depth, position = (depth + 1, inner + 2) if inner >= 0 else (depth - 1, close + 2)
-    return position
+def _skip_comment(source: Source, start: int, report: Report) -> int | None:
+    """Return the offset after a comment, None if it does not end; comments nest."""
+    closing, ends = _COMMENT_ENDS[source.text[start:start + 2]]
+    depth = 0
+    for match in ends.finditer(source.text, start):
+        depth += -1 if match[0] == closing else 1
+        if not depth:
+            return match.end()
+    report.error("P0002", Span(source, start, start + 2),
+                 f"the comment does not end; {closing} is missing")
+    return None
 
 
 def _token(kind: str, text: str, span: Span, fresh: bool, report: Report) -> Token:
@@ -139,11 +154,16 @@ def _integer(text: str) -> tuple[str, int, str]:
     if "#" not in text:
         return "int", int(_digits(text)), ""
     base, digits = text.split("#")
+    if base not in ("2", "8", "16"):
+        raise ValueError("numbers are written to the base 2, 8, 10 or 16")
     return "int", int(_digits(digits), int(base)), ""
 
 
 def _real(text: str) -> tuple[str, float, str]:
-    return "real", float(_digits(text)), ""
+    value = float(_digits(text))
+    if not math.isfinite(value):
+        raise ValueError("no REAL or LREAL is that large")
+    return "real", value, ""
 
 
 def _time(text: str) -> tuple[str, int, str]:
@@ -167,7 +187,7 @@ def _typed(text: str) -> tuple[str, int | float | str | bool, str]:
             raise ValueError("write BOOL#TRUE or BOOL#FALSE")
         return "bool", values[rest.upper()], type_name
     if kind == "float":
-        return "real", float(_digits(rest)), type_name
+        return "real", _real(rest)[1], type_name
     sign = -1 if rest.startswith("-") else 1
     value = sign * _integer(rest.lstrip("+-"))[1]
     row = ELEMENTARY[type_name]
@@ -176,5 +196,6 @@ def _typed(text: str) -> tuple[str, int | float | str | bool, str]:
     return "int", value, type_name
 
 
-_LITERALS = {"int": _integer, "based": _integer, "real": _real, "time": _time,
-             "string": _string, "typed": _typed}
+_LITERALS: dict[str, Callable[[str], tuple[str, int | float | str | bool, str]]] = {
+    "int": _integer, "based": _integer, "real": _real, "time": _time,
+    "string": _string, "typed": _typed}

@@ -1,7 +1,8 @@
-"""Instruction List to IR.
+"""Instruction List to IR, block by block.
 
 The current result is kept where it costs least: as a literal not yet emitted, on the stack, or in
-a local variable. It moves to a local only when more than one instruction needs it.
+a local variable. It moves to a local only when more than one instruction takes it, or when it is
+wanted behind a label, where the IR's stack is empty.
 """
 
 from __future__ import annotations
@@ -11,16 +12,32 @@ from dataclasses import dataclass
 
 from plcemu.base.spans import Span
 from plcemu.base.types import ElementaryType
+from plcemu.ir.program import Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
-from plcemu.lang.expressions import COMPARISON, LOGIC, Expressions, default_type, operand_type, operation
+from plcemu.lang.expressions import (
+    COMPARISON,
+    Expressions,
+    default_type,
+    operand_type,
+    operation,
+    second_type,
+)
+from plcemu.lang.il_flow import find_blocks, find_labels, find_wanted, is_jump
 from plcemu.lang.lower_st import Statements
-from plcemu.lang.types import BOOL, LINT, TIME, Place
+from plcemu.lang.types import BOOL, Place, widens
 
 
 @dataclass(slots=True)
 class _Result:
-    """The current result: `none`, `literal`, `stack` or `local`."""
+    """The current result.
+
+    Attributes:
+        where: `none`, `unknown` (after a reported mistake), `literal`, `stack` or `local`.
+        type: its type; of a literal without one perhaps that of literals.
+        literal: the expression, of a literal.
+        local: the number, of a local.
+    """
 
     where: str = "none"
     type: ElementaryType = BOOL
@@ -36,39 +53,81 @@ class InstructionList:
         self._statements = Statements(emitter)
         self._expressions: Expressions = self._statements.expressions
         self._result = _Result()
-        self._labels: dict[str, int] = {}
-        self._at_label: dict[str, ElementaryType] = {}
         self._spills: dict[tuple[int, str], int] = {}
         self._depth = 0
-        self._needs_at: dict[str, bool] = {}
+        self._labels: dict[str, int] = {}
+        self._marks: dict[int, int] = {}
+        self._wanted: list[bool] = []
+        self._entries: dict[int, _Result] = {}
+
+    # ------------------------------------------------------------ blocks
 
     def lower(self, body: s.IlBody) -> None:
         """Append the code of a body, without the final return."""
-        self._declare_labels(body.instructions)
-        wanted = bool(self._out.result)
-        self._sequence(body.instructions, wanted)
-        if wanted:
-            self._require_bool(body.span)
-            self._to_stack(body.span)
-        elif self._result.where == "stack":
-            self._out.emit("drop", None, body.span)
+        instructions = body.instructions
+        self._labels = find_labels(instructions)
+        self._wanted = find_wanted(instructions, self._labels, bool(self._out.result))
+        self._report_doubles(instructions)
+        self._marks = {n: self._out.new_label() for n in sorted(self._labels.values())}
+        blocks = dict(find_blocks(instructions))
+        self._entries = {0: _Result()}
+        pieces: dict[int, list[Instr]] = {}
+        while waiting := [begin for begin in self._entries if begin not in pieces]:
+            begin = min(waiting)
+            pieces[begin] = self._block(instructions, begin, blocks[begin], body.span)
+        for begin in sorted(blocks.keys() - pieces.keys()):
+            # Nothing leads here: it is looked through for mistakes, but leaves no code.
+            self._entries[begin] = _Result("unknown")
+            self._block(instructions, begin, blocks[begin], body.span)
+        for begin in sorted(pieces):
+            self._out.code.extend(pieces[begin])
 
-    def _declare_labels(self, instructions: Sequence[s.Instruction]) -> None:
+    def _report_doubles(self, instructions: Sequence[s.Instruction]) -> None:
         for n, each in enumerate(instructions):
-            key = each.label.upper()
-            if key in self._labels:
+            if each.label and self._labels[each.label.upper()] != n:
                 self._out.report.error("P0041", each.span, f"label {each.label!r} stands twice")
-            elif key:
-                self._labels[key] = self._out.new_label()
-                self._needs_at[key] = _needs_result(instructions[n:], bool(self._out.result))
 
-    def _sequence(self, instructions: Sequence[s.Instruction], wanted: bool) -> None:
-        for n, each in enumerate(instructions):
-            needed = _needs_result(instructions[n + 1:n + 3], wanted)
-            if each.label:
-                self._label(each, _needs_result(instructions[n:n + 3], wanted))
-            if each.op:
-                self._instruction(each, needed)
+    def _block(self, instructions: Sequence[s.Instruction], begin: int, end: int,
+               span: Span) -> list[Instr]:
+        """Return the code of a block; it tells the blocks that follow it what comes in."""
+        before = len(self._out.code)
+        self._result = self._entries[begin]
+        if begin in self._marks:
+            self._out.emit("label", self._marks[begin], instructions[begin].span)
+        for n in range(begin, end):
+            if instructions[n].op:
+                self._instruction(instructions[n], self._wanted[n + 1])
+        if begin == end or not is_jump(instructions[end - 1]):
+            self._leave_block(end, len(instructions), span)
+        code = self._out.code[before:]
+        del self._out.code[before:]
+        return code
+
+    def _leave_block(self, following: int, end: int, span: Span) -> None:
+        if following < end:
+            self._enter_from(following, span)
+            self._forget(span)
+        elif self._out.result:
+            self._push_value(span)
+        else:
+            self._forget(span)
+
+    def _enter_from(self, target: int, span: Span) -> None:
+        """Tell the block that begins at `target` in which local the current result will come."""
+        came = _Result(self._result.where)
+        if self._wanted[target] and came.where != "none":
+            of = self._to_local(span)
+            came = _Result("unknown") if of is None else \
+                _Result("local", of, None, self._spills[(0, of.machine)])
+        known = self._entries.setdefault(target, came if self._wanted[target] else _Result())
+        if known.where != "local":
+            return
+        if came.where == "none":
+            self._out.report.error("P0042", span, "there is no current result here, but it is "
+                                   "wanted behind the label")
+        elif came.where == "local" and known.type != came.type:
+            self._out.report.error("P0023", span, f"the current result is {came.type.name} here "
+                                   f"and {known.type.name} on another way to the same label")
 
     # ------------------------------------------------------------ the current result
 
@@ -77,17 +136,27 @@ class InstructionList:
             self._out.emit("drop", None, span)
         self._result = _Result()
 
+    def _fail(self) -> None:
+        """Go on without a current result after a reported mistake."""
+        self._result = _Result("unknown")
+
+    def _is_there(self, span: Span) -> bool:
+        """Whether there is a current result; if there should be one, the report says so."""
+        if self._result.where == "none":
+            self._out.report.error("P0042", span, "there is no current result here; LD comes first")
+            self._fail()
+        return self._result.where != "unknown"
+
     def _to_stack(self, span: Span, target: ElementaryType | None = None) -> ElementaryType | None:
         """Push the current result, perhaps widened; None after a reported mistake."""
-        result = self._result
-        if result.where == "none":
-            self._out.report.error("P0042", span, "there is no current result here; LD comes first")
+        if not self._is_there(span):
             return None
-        of = result.type
+        result, of = self._result, self._result.type
         if result.where == "literal":
             assert result.literal is not None
             of = target or default_type(result.literal, of)
             if not self._expressions.emit(result.literal, of):
+                self._fail()
                 return None
         elif result.where == "local":
             self._out.emit("get", result.local, span)
@@ -111,97 +180,110 @@ class InstructionList:
         self._result = _Result("local", of, None, self._spills[key])
         return of
 
-    def _taken(self, needed: bool, span: Span) -> ElementaryType | None:
-        """Push the current result for one use, keeping it for later ones if they need it."""
-        if not needed:
+    def _taken(self, wanted: bool, span: Span) -> ElementaryType | None:
+        """Push the current result for one use, keeping it if it is wanted later."""
+        kept = self._result
+        if not wanted or kept.where in ("none", "unknown"):
             of = self._to_stack(span)
-            self._result = _Result()
+            if of is not None:
+                self._result = _Result()
             return of
-        if self._result.where == "literal":
-            kept = self._result
+        if kept.where == "literal":
             of = self._to_stack(span)
-            self._result = kept
+            if of is not None:
+                self._result = kept
             return of
         of = self._to_local(span)
         if of is not None:
             self._out.emit("get", self._result.local, span)
         return of
 
-    def _require_bool(self, span: Span) -> bool:
-        if self._result.where == "literal" and self._result.literal is not None:
-            self._result.type = BOOL if self._result.type.kind == "literal" else self._result.type
-        if self._result.where != "none" and self._result.type != BOOL:
-            self._out.report.error("P0023", span,
-                                   f"a BOOL is needed here, the current result is "
-                                   f"{self._result.type.name}")
+    def _is_bool(self, span: Span) -> bool:
+        """Whether the current result is a BOOL; a mistake goes to the report."""
+        if not self._is_there(span):
             return False
-        return True
+        if self._result.type.kind == "literal":
+            self._result.type = BOOL
+        if self._result.type == BOOL:
+            return True
+        self._out.report.error("P0023", span, f"a BOOL is needed here, the current result is "
+                               f"{self._result.type.name}")
+        self._fail()
+        return False
 
-    # ------------------------------------------------------------ labels and jumps
+    # ------------------------------------------------------------ jumps and calls
 
-    def _label(self, instruction: s.Instruction, needed: bool) -> None:
-        key, span = instruction.label.upper(), instruction.span
-        falls_through = self._result.where != "none"
-        if needed and falls_through:
-            self._join(key, span)
-        elif falls_through:
-            self._forget(span)
-        self._out.emit("label", self._labels[key], span)
-        if needed and key in self._at_label:
-            of = self._at_label[key]
-            self._result = _Result("local", of, None, self._spills[(self._depth, of.machine)])
-
-    def _join(self, key: str, span: Span) -> None:
-        """Bring the current result to where the code after a label expects it."""
-        of = self._to_local(span)
-        if of is None:
-            return
-        known = self._at_label.setdefault(key, of)
-        if known != of:
-            self._out.report.error("P0042", span, f"the current result is {of.name} here and "
-                                   f"{known.name} on another way to the same label")
-
-    def _jump(self, each: s.Instruction, needed: bool) -> None:
+    def _jump(self, each: s.Instruction, wanted: bool) -> None:
         assert isinstance(each.operand, s.Name)
-        key = each.operand.parts[0].upper()
-        if key not in self._labels:
+        target = self._labels.get(each.operand.parts[0].upper())
+        if target is None:
             self._out.report.error("P0040", each.operand.span,
                                    f"there is no label {each.operand.parts[0]!r}")
-            return
-        if self._depth:
-            self._out.report.error("P0013", each.span, "no jump can leave a parenthesis")
-            return
-        if self._needs_at[key]:
-            self._join(key, each.span)
-        if not each.conditional:
+        elif not each.conditional:
+            self._enter_from(target, each.span)
             self._forget(each.span)
-            self._out.emit("jump", self._labels[key], each.span)
-            return
-        if self._require_bool(each.span) and self._taken(needed or self._needs_at[key], each.span):
-            self._out.emit("jumpifnot" if each.negated else "jumpif", self._labels[key], each.span)
+            self._out.emit("jump", self._marks[target], each.span)
+        elif self._is_bool(each.span):
+            self._enter_from(target, each.span)
+            self._taken(wanted, each.span)
+            op = "jumpifnot" if each.negated else "jumpif"
+            self._out.emit(op, self._marks[target], each.span)
+        else:
+            self._entries.setdefault(target, _Result("unknown"))
 
-    def _guarded(self, each: s.Instruction, needed: bool) -> int:
+    def _guarded(self, each: s.Instruction, wanted: bool) -> int:
         """Begin what a C or CN modifier guards; return the label behind it."""
         skip = self._out.new_label()
-        if self._require_bool(each.span) and self._taken(needed, each.span):
+        if self._is_bool(each.span) and self._taken(wanted, each.span):
             self._out.emit("jumpif" if each.negated else "jumpifnot", skip, each.span)
         return skip
 
+    def _call(self, each: s.Instruction, wanted: bool) -> None:
+        assert isinstance(each.operand, s.Name)
+        skip = self._guarded(each, wanted) if each.conditional else None
+        if not wanted:
+            self._forget(each.span)
+        elif self._result.where == "stack":
+            self._to_local(each.span)
+        self._statements.invoke(s.Invoke(each.span, each.operand, each.arguments))
+        if skip is not None:
+            self._out.emit("label", skip, each.span)
+
+    def _return(self, each: s.Instruction, wanted: bool) -> None:
+        has_value = bool(self._out.result)
+        skip = self._guarded(each, wanted or has_value) if each.conditional else None
+        kept = self._result
+        if has_value:
+            self._push_value(each.span)
+        elif skip is None:
+            self._forget(each.span)
+        self._out.emit("ret", None, each.span)
+        self._result = _Result()
+        if skip is not None:
+            self._out.emit("label", skip, each.span)
+            self._result = kept
+
+    def _push_value(self, span: Span) -> None:
+        if self._is_bool(span):
+            self._to_stack(span)
+
     # ------------------------------------------------------------ instructions
 
-    def _instruction(self, each: s.Instruction, needed: bool) -> None:
+    def _instruction(self, each: s.Instruction, wanted: bool) -> None:
         if each.op == "LD":
             self._load(each)
         elif each.op in ("ST", "S", "R"):
-            self._store(each, needed)
-        elif each.op == "JMP":
-            self._jump(each, needed)
-        elif each.op == "CAL":
-            self._call(each, needed)
-        elif each.op == "RET":
-            self._return(each, needed)
+            self._store(each, wanted)
+        elif each.op in ("JMP", "CAL", "RET"):
+            if self._depth:
+                self._out.report.error("P0013", each.span,
+                                       f"no {each.op} can stand in a parenthesis")
+                return
+            {"JMP": self._jump, "CAL": self._call, "RET": self._return}[each.op](each, wanted)
         elif each.op == "NOT":
             self._not(each)
+        elif each.nested is not None:
+            self._parenthesis(each)
         else:
             self._operator(each)
 
@@ -210,62 +292,57 @@ class InstructionList:
         self._forget(each.span)
         of = self._expressions.infer(each.operand)
         if of is None:
-            self._result = _Result("literal", BOOL, s.Literal(each.span, "bool", False))
+            self._fail()
         elif isinstance(each.operand, s.Literal | s.Unary):
             self._result = _Result("literal", of, each.operand)
         elif self._expressions.emit(each.operand, of):
             self._result = _Result("stack", of)
-        else:
-            self._result = _Result("literal", of, s.Literal(each.span, "bool", False))
         if each.negated:
             self._not(each)
 
     def _not(self, each: s.Instruction) -> None:
-        if self._result.type.kind == "literal":
-            self._require_bool(each.span)
-        of = self._to_stack(each.span, BOOL if self._result.where == "literal"
-                            and self._result.type == BOOL else None)
+        if self._result.type.kind == "literal" and not self._is_bool(each.span):
+            return
+        is_bool = self._result.where == "literal" and self._result.type == BOOL
+        of = self._to_stack(each.span, BOOL if is_bool else None)
         if of is None:
             return
-        if of.kind not in ("bool", "bits"):
+        if of.kind in ("bool", "bits"):
+            self._out.emit(f"not.{of.machine}", None, each.span)
+        else:
             self._out.report.error("P0023", each.span, f"NOT does not fit {of.name}")
-            return
-        self._out.emit(f"not.{of.machine}", None, each.span)
+            self._fail()
 
-    def _store(self, each: s.Instruction, needed: bool) -> None:
+    def _store(self, each: s.Instruction, wanted: bool) -> None:
         assert isinstance(each.operand, s.Name | s.Direct)
         found = self._statements.writable(each.operand)
-        if found is None:
+        if not self._is_there(each.span) or found is None:
             return
         place, of = found
         if each.op == "ST":
-            self._plain_store(each, place, of, needed)
-            return
-        if of != BOOL:
+            self._plain_store(each, place, of, wanted)
+        elif of != BOOL:
             self._out.report.error("P0023", each.span, f"{each.op} sets a BOOL, not {of.name}")
-            return
-        if not self._require_bool(each.span) or self._taken(needed, each.span) is None:
-            return
-        if each.op == "R":
-            self._out.emit("not.bool", None, each.span)
-        self._out.load(place, of, each.span)
-        self._out.emit("or.bool" if each.op == "S" else "and.bool", None, each.span)
-        self._out.store(place, of, each.span)
+        elif self._is_bool(each.span) and self._taken(wanted, each.span):
+            if each.op == "R":
+                self._out.emit("not.bool", None, each.span)
+            self._out.load(place, of, each.span)
+            self._out.emit("or.bool" if each.op == "S" else "and.bool", None, each.span)
+            self._out.store(place, of, each.span)
 
     def _plain_store(self, each: s.Instruction, place: Place, of: ElementaryType,
-                     needed: bool) -> None:
-        result = self._result
-        if result.where == "literal" and result.literal is not None:
-            if not self._expressions.emit(result.literal, of):
+                     wanted: bool) -> None:
+        if self._result.where == "literal":
+            assert self._result.literal is not None
+            if not self._expressions.emit(self._result.literal, of):
                 return
         else:
-            held = self._taken(needed, each.span)
-            if held is None:
-                return
-            if operand_type("EQ", held, of) != of:
+            held = self._result.type
+            if not widens(held, of):
                 self._out.report.error("P0023", each.span, f"the current result is {held.name}, "
                                        f"{place.name} is {of.name}")
                 return
+            self._taken(wanted, each.span)
             self._expressions.convert(held, of, each.span)
         if each.negated:
             if of.kind not in ("bool", "bits"):
@@ -273,110 +350,100 @@ class InstructionList:
             self._out.emit(f"not.{of.machine}", None, each.span)
         self._out.store(place, of, each.span)
 
-    def _call(self, each: s.Instruction, needed: bool) -> None:
-        assert isinstance(each.operand, s.Name)
-        if self._depth:
-            self._out.report.error("P0013", each.span, "no CAL can stand in a parenthesis")
-            return
-        skip = self._guarded(each, needed) if each.conditional else None
-        if needed and self._result.where == "stack":
-            self._to_local(each.span)
-        elif not needed:
-            self._forget(each.span)
-        self._statements.invoke(s.Invoke(each.span, each.operand, each.arguments))
-        if skip is not None:
-            self._out.emit("label", skip, each.span)
-
-    def _return(self, each: s.Instruction, needed: bool) -> None:
-        wanted = bool(self._out.result)
-        skip = self._guarded(each, needed or wanted) if each.conditional else self._out.new_label()
-        if wanted and self._taken(True, each.span) is None:
-            return
-        if not wanted and not needed:
-            self._forget(each.span)
-        self._out.emit("ret", None, each.span)
-        self._out.emit("label", skip, each.span)
-        if not each.conditional:
-            self._result = _Result()
-
     # ------------------------------------------------------------ operators
 
     def _operator(self, each: s.Instruction) -> None:
-        op = "AND" if each.op == "&" else each.op
-        if each.nested is not None:
-            self._parenthesis(each, op)
-            return
         assert each.operand is not None
+        op = _plain(each)
         right = self._expressions.infer(each.operand)
-        if right is None or not self._has_result(each):
+        if not self._is_there(each.span):
             return
-        common = self._common(op, self._result.type, right, each)
-        if common is None or self._to_stack(each.span, common) is None:
-            return
-        second = LINT if common == TIME and right != TIME and op in ("MUL", "DIV") else common
-        if self._expressions.emit(each.operand, second):
-            self._apply(each, op, common)
+        common = None if right is None else self._common(each, self._result.type, right)
+        if right is None or common is None:
+            self._fail()
+        elif self._to_stack(each.span, common) is not None:
+            if self._expressions.emit(each.operand, second_type(op, common, right)):
+                self._apply(each, common)
+            else:
+                self._fail()
 
-    def _has_result(self, each: s.Instruction) -> bool:
-        if self._result.where == "none":
-            self._out.report.error("P0042", each.span,
-                                   f"there is no current result for {each.op}; LD comes first")
-        return self._result.where != "none"
-
-    def _common(self, op: str, left: ElementaryType, right: ElementaryType,
-                each: s.Instruction) -> ElementaryType | None:
-        common = operand_type(op, left, right)
+    def _common(self, each: s.Instruction, left: ElementaryType,
+                right: ElementaryType) -> ElementaryType | None:
+        """Return the type in which an operator works; None after a reported mistake."""
+        common = operand_type(_plain(each), left, right)
         if common is None:
             self._out.report.error("P0023", each.span, f"{each.op} does not fit {left.name} and "
                                    f"{right.name}")
-            return None
-        if common.kind == "literal":
-            return default_type(each.operand or s.Literal(each.span, "int", 0), common)
+        elif common.kind == "literal":
+            literals = [x for x in (self._result.literal, each.operand) if x is not None]
+            return max((default_type(x, common) for x in literals), key=lambda of: of.bits)
         return common
 
-    def _apply(self, each: s.Instruction, op: str, common: ElementaryType) -> None:
+    def _apply(self, each: s.Instruction, common: ElementaryType) -> None:
+        op = _plain(each)
         if each.negated:
-            if op not in LOGIC or common.kind not in ("bool", "bits"):
-                self._out.report.error("P0013", each.span, f"{each.op}N does not fit {common.name}")
-                return
             self._out.emit(f"not.{common.machine}", None, each.span)
         self._out.emit(operation(op, common), None, each.span)
         self._result = _Result("stack", BOOL if op in COMPARISON else common)
 
-    def _parenthesis(self, each: s.Instruction, op: str) -> None:
+    def _parenthesis(self, each: s.Instruction) -> None:
         """Defer an operator: its operand is what the nested instructions leave (table 51)."""
         assert each.nested is not None
-        if not self._has_result(each) or self._to_stack(each.span) is None:
+        op = _plain(each)
+        there = self._is_there(each.span)
+        left = self._result
+        if there and left.where != "literal":
+            self._to_stack(each.span)
+            left = self._result
+        right = self._nested(each, left if there else None)
+        if right is None or not there:
+            self._fail()
             return
-        left = self._result.type
+        common = self._common(each, left.type, right)
+        if common is None:
+            self._fail()
+            return
+        second = second_type(op, common, right)
+        self._expressions.convert(right, second, each.span)
+        if left.where == "literal" or common != left.type:
+            self._slip_under(left, common, second, each.span)
+        self._apply(each, common)
+
+    def _nested(self, each: s.Instruction, left: _Result | None) -> ElementaryType | None:
+        """Push what the instructions between the parentheses leave, and return its type."""
+        assert each.nested is not None
+        wanted = find_wanted(each.nested, {}, True)
         self._depth += 1
         self._result = _Result()
-        self._sequence(each.nested, True)
-        right = self._to_stack(each.span, left if self._result.type.kind == "literal" else None)
+        for n, inner in enumerate(each.nested):
+            if inner.label:
+                self._out.report.error("P0013", inner.span, "no label can stand in a parenthesis")
+            if inner.op:
+                self._instruction(inner, wanted[n + 1])
+        right = self._to_stack(each.span, self._literal_target(left))
         self._depth -= 1
-        if right is None:
-            self._result = _Result("stack", left)
-            return
-        common = self._common(op, left, right, each)
-        if common is None:
-            return
-        if common != right:
-            self._expressions.convert(right, common, each.span)
-        if common != left:
-            kept = self._out.new_local(common.machine)
-            self._out.emit("set", kept, each.span)
-            self._expressions.convert(left, common, each.span)
-            self._out.emit("get", kept, each.span)
-        self._apply(each, op, common)
+        return right
+
+    def _literal_target(self, left: _Result | None) -> ElementaryType | None:
+        """Return the type that a literal alone in a parenthesis takes from the left operand."""
+        if left is None or self._result.type.kind != "literal" or left.type.kind == "time":
+            return None
+        if left.literal is not None and left.type.kind == "literal":
+            return default_type(left.literal, left.type)
+        return left.type
+
+    def _slip_under(self, left: _Result, common: ElementaryType, second: ElementaryType,
+                    span: Span) -> None:
+        """Bring the left operand, as the common type, under the right one on the stack."""
+        kept = self._out.new_local(second.machine)
+        self._out.emit("set", kept, span)
+        if left.where == "literal":
+            assert left.literal is not None
+            self._expressions.emit(left.literal, common)
+        else:
+            self._expressions.convert(left.type, common, span)
+        self._out.emit("get", kept, span)
 
 
-def _needs_result(instructions: Sequence[s.Instruction], wanted: bool) -> bool:
-    """Whether what follows takes the current result before it loads another."""
-    for each in instructions:
-        if each.op == "LD":
-            return False
-        if each.op == "CAL" and not each.conditional:
-            continue
-        if each.op:
-            return True
-    return wanted if not instructions or len(instructions) < 2 else True
+def _plain(each: s.Instruction) -> str:
+    return "AND" if each.op == "&" else each.op

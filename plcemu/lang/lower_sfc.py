@@ -39,37 +39,46 @@ class Chart:
         self._make = make
         self._scope: Scope = emitter.scope
         self._report: Report = emitter.report
+        self._bodies: dict[str, str] = {}
+        self._names: list[str] = []
 
     def lower(self, body: s.SfcBody) -> None:
         """Append the code of the chart."""
+        self._bodies = {a.name.upper(): self._make(a.name, a.body, "") for a in body.actions}
+        self._names = [a.name for a in body.actions]
+        conditions = [self._make(t.name or f"transition_{n + 1}", t.condition, "bool")
+                      for n, t in enumerate(body.transitions)]
         if not self._is_sound(body):
             return
         self._declare_flags(body)
-        # The initial situation is taken on the first scan; transitions are evaluated from the second.
-        first = tuple(self._activate(step) for step in body.steps if step.initial)
-        evolve = (*self._fire_all(body), *(e for step in body.steps for e in _evolve(body, step)))
-        start = s.Assign(body.span, _name(body.span, "__started"), _true(body.span))
-        begin = s.If(body.span, ((s.Unary(body.span, "NOT", _name(body.span, "__started")),
-                                  (start, *first)),), evolve)
+        # The initial situation is taken on the first scan; transitions count from the second.
+        span = body.span
+        first = tuple(_set(step.span, f"__on_{step.name}") for step in body.steps if step.initial)
+        begin = s.If(span, ((s.Unary(span, "NOT", _name(span, "__started")),
+                             (_set(span, "__started"), *first)),), _evolve(body, conditions))
         clocks = tuple(_clock(step) for step in body.steps)
-        actions = [made for use in self._uses(body) for made in self._action(use, body)]
+        actions = [made for use in self._uses(body) for made in self._action(use)]
         Statements(self._out, of_chart=True).lower((begin, *clocks, *actions))
 
     # ------------------------------------------------------------ soundness
 
     def _is_sound(self, body: s.SfcBody) -> bool:
         steps = {step.name.upper(): step for step in body.steps}
+        sound = True
         if not any(step.initial for step in body.steps):
             self._report.error("P0051", body.span, "the chart has no INITIAL_STEP")
+            sound = False
         for transition in body.transitions:
             for name in transition.sources + transition.targets:
                 if name.parts[0].upper() not in steps:
                     hint = did_you_mean(name.parts[0], [x.name for x in body.steps])
                     self._report.error("P0050", name.span, f"there is no step {name.parts[0]!r}",
                                        hint.removeprefix("; "))
+                    sound = False
         self._unique(body)
-        self._reachable(body, steps)
-        return not self._report.has_errors
+        if sound:
+            self._reachable(body, steps)
+        return sound
 
     def _unique(self, body: s.SfcBody) -> None:
         seen: set[str] = set()
@@ -80,48 +89,29 @@ class Chart:
 
     def _reachable(self, body: s.SfcBody, steps: dict[str, s.Step]) -> None:
         """Warn of steps that no way from an initial step leads to."""
+        missing = [{n.parts[0].upper() for n in t.sources} for t in body.transitions]
+        leaving: dict[str, list[int]] = {}
+        for n, sources in enumerate(missing):
+            for key in sources:
+                leaving.setdefault(key, []).append(n)
         reached = {key for key, step in steps.items() if step.initial}
-        growing = True
-        while growing:
-            growing = False
-            for transition in body.transitions:
-                if {n.parts[0].upper() for n in transition.sources} <= reached:
-                    new = {n.parts[0].upper() for n in transition.targets} - reached
-                    growing = growing or bool(new)
+        pending = list(reached)
+        while pending:
+            key = pending.pop()
+            for n in leaving.get(key, ()):
+                missing[n].discard(key)
+                if not missing[n]:
+                    new = {x.parts[0].upper() for x in body.transitions[n].targets} - reached
                     reached |= new
-        for key in steps.keys() - reached:
-            self._report.warning("P0055", steps[key].span,
-                                 f"nothing reaches step {steps[key].name!r}")
-
-    # ------------------------------------------------------------ evolution
+                    pending += new
+        for key, step in steps.items():
+            if key not in reached:
+                self._report.warning("P0055", step.span, f"nothing reaches step {step.name!r}")
 
     def _declare_flags(self, body: s.SfcBody) -> None:
-        for n in range(len(body.transitions)):
-            self._out.declare_local(_fired(n), BOOL)
         for step in body.steps:
             self._out.declare_local(f"__on_{step.name}", BOOL)
             self._out.declare_local(f"__off_{step.name}", BOOL)
-
-    def _activate(self, step: s.Step) -> s.Statement:
-        return s.Assign(step.span, _name(step.span, f"__on_{step.name}"), _true(step.span))
-
-    def _fire_all(self, body: s.SfcBody) -> tuple[s.Statement, ...]:
-        """Decide which transitions fire: by priority, then from left to right (table 41)."""
-        ranked = sorted(enumerate(body.transitions),
-                        key=lambda item: (item[1].priority is None, item[1].priority or 0, item[0]))
-        statements: list[s.Statement] = []
-        before: list[tuple[int, set[str]]] = []
-        for n, transition in ranked:
-            sources = {name.parts[0].upper() for name in transition.sources}
-            span = transition.span
-            enabled: list[s.Expr] = [_name(span, name.parts[0], "X") for name in transition.sources]
-            enabled += [s.Unary(span, "NOT", _name(span, _fired(m)))
-                        for m, taken in before if taken & sources]
-            name = self._make(transition.name or f"transition_{n + 1}", transition.condition, "bool")
-            fire = s.Assign(span, _name(span, _fired(n)), s.Evaluate(span, name))
-            statements.append(s.If(span, ((_all(enabled, span), (fire,)),)))
-            before.append((n, sources))
-        return tuple(statements)
 
     # ------------------------------------------------------------ actions
 
@@ -135,27 +125,30 @@ class Chart:
                 use.uses.append((step, association))
         return list(uses.values())
 
-    def _action(self, use: _ActionUse, body: s.SfcBody) -> list[s.Statement]:
+    def _action(self, use: _ActionUse) -> list[s.Statement]:
         active = self._command(use)
         control = f"__control_{use.name.upper()}"
         statements: list[s.Statement] = []
         if control.upper() in self._scope.places:
             statements = self._control(use, control, active)
             active = _name(use.span, control, "Q")
-        declared = next((a for a in body.actions if a.name.upper() == use.name.upper()), None)
-        if declared is not None:
-            run = s.RunAction(declared.span, self._make(declared.name, declared.body, ""))
-            return [*statements, s.If(declared.span, ((active, (run,)),))]
+        body = self._bodies.get(use.name.upper())
+        if body is not None:
+            run = s.RunAction(use.span, body)
+            return [*statements, s.If(use.span, ((active, (run,)),))]
         if not self._is_boolean_variable(use):
             return []
-        target = _name(use.span, *use.name.split("."))
-        return [*statements, s.Assign(use.span, target, active)]
+        return [*statements, s.Assign(use.span, _name(use.span, use.name), active)]
 
     def _is_boolean_variable(self, use: _ActionUse) -> bool:
         place = self._scope.places.get(use.name.upper())
-        if place is not None and place.type == BOOL:
+        if place is not None and place.type == BOOL and not place.read_only:
             return True
-        known = [p.name for p in self._scope.places.values() if p.type == BOOL]
+        if place is not None and place.type == BOOL:
+            self._report.error("P0024", use.span,
+                               f"{use.name} cannot be written: {place.read_only}")
+            return False
+        known = [*(p.name for p in self._scope.places.values() if p.type == BOOL), *self._names]
         self._report.error("P0054", use.span, f"there is no action or BOOL variable {use.name!r}",
                            did_you_mean(use.name, known).removeprefix("; "))
         return False
@@ -174,7 +167,7 @@ class Chart:
             for step, association in chosen:
                 if association.time is not None:
                     self._duration(association, control, step, statements)
-            flags = [_name(a.span, step.name, "X") for step, a in chosen]
+            flags: list[s.Expr] = [_name(a.span, step.name, "X") for step, a in chosen]
             arguments.append(s.Argument(use.span, qualifier, _any(flags, use.span)))
         statements.append(s.Invoke(use.span, _name(use.span, control), tuple(arguments)))
         return statements
@@ -189,16 +182,24 @@ class Chart:
         statements.append(s.If(span, ((_name(span, step.name, "X"), (set_time,)),)))
 
 
-def _evolve(body: s.SfcBody, step: s.Step) -> list[s.Statement]:
-    """Return the statements that tell whether a step is entered and left, and its new flag."""
-    key, span = step.name.upper(), step.span
+def _evolve(body: s.SfcBody, conditions: list[str]) -> tuple[s.Statement, ...]:
+    """Return what decides which steps are left and entered: each step by one transition at most.
 
-    def fired(side: Callable[[s.Transition], tuple[s.Name, ...]]) -> s.Expr:
-        return _any([_name(span, _fired(n)) for n, t in enumerate(body.transitions)
-                     if key in {name.parts[0].upper() for name in side(t)}], span)
-
-    return [s.Assign(span, _name(span, f"__on_{step.name}"), fired(lambda t: t.targets)),
-            s.Assign(span, _name(span, f"__off_{step.name}"), fired(lambda t: t.sources))]
+    Transitions are tried by priority, then from left to right (table 41).
+    """
+    ranked = sorted(enumerate(body.transitions),
+                    key=lambda item: (item[1].priority is None, item[1].priority or 0, item[0]))
+    statements: list[s.Statement] = []
+    for n, transition in ranked:
+        span = transition.span
+        sources = [name.parts[0] for name in transition.sources]
+        enabled: list[s.Expr] = [_name(span, source, "X") for source in sources]
+        enabled += [s.Unary(span, "NOT", _name(span, f"__off_{source}")) for source in sources]
+        fire = [_set(span, f"__off_{source}") for source in sources]
+        fire += [_set(span, f"__on_{target.parts[0]}") for target in transition.targets]
+        fires = s.If(span, ((s.Evaluate(span, conditions[n]), tuple(fire)),))
+        statements.append(s.If(span, ((_all(enabled, span), (fires,)),)))
+    return tuple(statements)
 
 
 def _clock(step: s.Step) -> s.Statement:
@@ -223,8 +224,8 @@ def _pulse(step: s.Step, association: s.Association) -> s.Expr:
     return _name(span, *by_qualifier.get(association.qualifier, (f"__on_{step.name}",)))
 
 
-def _fired(n: int) -> str:
-    return f"__fired_{n + 1}"
+def _set(span: Span, name: str) -> s.Statement:
+    return s.Assign(span, _name(span, name), _true(span))
 
 
 def _name(span: Span, *parts: str) -> s.Name:

@@ -11,7 +11,8 @@ from plcemu.base.types import ElementaryType
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.expressions import Expressions
-from plcemu.lang.types import BOOL, BlockType, Place
+from plcemu.lang.scope import constant_value
+from plcemu.lang.types import BOOL, BlockType, Place, widens
 
 
 class Statements:
@@ -79,17 +80,23 @@ class Statements:
             return
         if len(informal) > len(inputs):
             self.out.report.error("P0026", informal[len(inputs)].span,
-                                  f"{block.name} has {len(inputs)} inputs, {len(informal)} are given")
+                                  f"{block.name} has {len(inputs)} inputs, "
+                                  f"{len(informal)} are given")
             return
+        seen: set[str] = set()
         for n, argument in enumerate(given):
             name = argument.name or inputs[n].name
             field = block.fields.get(name.upper())
             if field is None or field.section != "VAR_INPUT":
                 known = [f.name for f in inputs]
+                hint = did_you_mean(name, known).removeprefix("; ")
                 self.out.report.error("P0026", argument.span, f"{block.name} has no input {name!r}",
-                                      did_you_mean(name, known).removeprefix("; ")
-                                      or f"its inputs are {', '.join(known)}")
+                                      hint or f"its inputs are {', '.join(known)}")
                 continue
+            if name.upper() in seen:
+                self.out.report.error("P0026", argument.span, f"input {name!r} is given twice")
+                continue
+            seen.add(name.upper())
             assert isinstance(field.type, ElementaryType)
             if self.expressions.emit(argument.value, field.type):
                 target = Place(place.base, place.offset + field.offset, field.type)
@@ -106,19 +113,22 @@ class Statements:
         if not isinstance(argument.value, s.Name | s.Direct):
             self.out.report.error("P0024", argument.value.span, "an output goes into a variable")
             return
-        source = s.Name(argument.span, (*_parts(place), field.name))
         target = self.writable(argument.value)
         assert isinstance(field.type, ElementaryType)
         if target is None:
             return
-        if not argument.negated and target[1] != field.type:
-            self.out.report.error("P0023", argument.span,
-                                  f"{source} is {field.type.name}, {argument.value} {target[1].name}")
+        if argument.negated and field.type.kind not in ("bool", "bits"):
+            self.out.report.error("P0023", argument.span, f"NOT does not fit {field.type.name}")
+            return
+        if not widens(field.type, target[1]):
+            self.out.report.error("P0023", argument.span, f"output {field.name} is "
+                                  f"{field.type.name}, {target[0].name} is {target[1].name}")
             return
         self.out.load(Place(place.base, place.offset + field.offset, field.type), field.type,
                       argument.span)
         if argument.negated:
             self.out.emit(f"not.{field.type.machine}", None, argument.span)
+        self.expressions.convert(field.type, target[1], argument.span)
         self.out.store(target[0], target[1], argument.span)
 
     def run_action(self, statement: s.RunAction) -> None:
@@ -170,15 +180,13 @@ class Statements:
 
     def _in_range(self, selector: Place, of: ElementaryType, low: s.Expr, high: s.Expr,
                   hit: int) -> None:
-        self.out.load(selector, of, low.span)
-        if not self.expressions.emit(low, of):
-            return
-        self.out.emit(f"{'eq' if low is high else 'ge'}.{of.machine}", None, low.span)
+        bounds = [(low, "eq")] if low is high else [(low, "ge"), (high, "le")]
+        for expr, op in bounds:
+            self.out.load(selector, of, expr.span)
+            value = constant_value(expr, of, self.out.report)
+            self.out.emit("const", (of.machine, value), expr.span)
+            self.out.emit(f"{op}.{of.machine}", None, expr.span)
         if low is not high:
-            self.out.load(selector, of, high.span)
-            if not self.expressions.emit(high, of):
-                return
-            self.out.emit(f"le.{of.machine}", None, high.span)
             self.out.emit("and.bool", None, high.span)
         self.out.emit("jumpif", hit, low.span)
 
@@ -206,47 +214,43 @@ class Statements:
         self.out.emit("jump", start)
         self.out.emit("label", leave)
 
-    def _for_step(self, place: Place, of: ElementaryType, step: int, leave: int,
-                  span: Span) -> None:
-        """Add the step; leave instead of wrapping around, or the loop would never end."""
-        wide = "i64" if of.kind == "int" else "u64"
-        total = self.out.new_local(wide)
-        for source in (place, Place("local", step, of)):
-            self.out.load(source, of, span)
-            if of.machine != wide:
-                self.out.emit(f"to.{of.machine}.{wide}", None, span)
-        self.out.emit(f"add.{wide}", None, span)
-        self.out.emit("set", total, span)
-        if of.machine != wide:
-            for op, bound in (("gt", of.high), ("lt", of.low)):
-                self.out.emit("get", total, span)
-                self.out.emit("const", (wide, bound), span)
-                self.out.emit(f"{op}.{wide}", None, span)
-                self.out.emit("jumpif", leave, span)
-        self.out.emit("get", total, span)
-        if of.machine != wide:
-            self.out.emit(f"to.{wide}.{of.machine}", None, span)
-        self.out.store(place, of, span)
-
     def _for_test(self, place: Place, of: ElementaryType, last: int, step: int, leave: int,
                   span: Span) -> None:
         """Leave the loop when the control variable is past the end, in the step's direction."""
         down, body = self.out.new_label(), self.out.new_label()
-        for label, op in ((down, "le"), (0, "ge")):
-            if label:
-                self.out.emit("get", step, span)
-                self.out.emit("const", (of.machine, 0), span)
-                self.out.emit(f"lt.{of.machine}", None, span)
-                self.out.emit("jumpif", down, span)
-            else:
-                self.out.emit("label", down)
+        self._is_down(of, step, span)
+        self.out.emit("jumpif", down, span)
+        for op in ("le", "ge"):
             self.out.load(place, of, span)
             self.out.emit("get", last, span)
             self.out.emit(f"{op}.{of.machine}", None, span)
             self.out.emit("jumpifnot", leave, span)
-            if label:
-                self.out.emit("jump", body, span)
-        self.out.emit("label", body)
+            self.out.emit("jump", body, span)
+            if op == "le":
+                self.out.emit("label", down, span)
+        self.out.emit("label", body, span)
+
+    def _for_step(self, place: Place, of: ElementaryType, step: int, leave: int,
+                  span: Span) -> None:
+        """Add the step; leave if that wrapped around, or the loop would never end."""
+        total = self.out.new_local(of.machine)
+        self.out.load(place, of, span)
+        self.out.emit("get", step, span)
+        self.out.emit(f"add.{of.machine}", None, span)
+        self.out.emit("set", total, span)
+        self.out.emit("get", total, span)
+        self.out.load(place, of, span)
+        self.out.emit(f"lt.{of.machine}", None, span)
+        self._is_down(of, step, span)
+        self.out.emit("ne.bool", None, span)
+        self.out.emit("jumpif", leave, span)
+        self.out.emit("get", total, span)
+        self.out.store(place, of, span)
+
+    def _is_down(self, of: ElementaryType, step: int, span: Span) -> None:
+        self.out.emit("get", step, span)
+        self.out.emit("const", (of.machine, 0), span)
+        self.out.emit(f"lt.{of.machine}", None, span)
 
     def while_(self, statement: s.While) -> None:
         """WHILE."""
@@ -284,10 +288,6 @@ class Statements:
     def _leave(self, op: str, arg: object, span: Span) -> None:
         self.out.emit(op, arg, span)
         self.out.emit("label", self.out.new_label())
-
-
-def _parts(place: Place) -> tuple[str, ...]:
-    return tuple(place.name.split(".")) if place.name else ()
 
 
 _LOWER: dict[type, Callable[[Statements, Any], None]] = {

@@ -7,16 +7,21 @@ from plcemu.base.spans import Diagnostic, Severity, Span
 from plcemu.lang.codes import CODES
 
 DIAGNOSTIC_LIMIT = 200
-"""Findings kept in one compilation; the rest is counted only."""
+"""Errors, and warnings, kept in one compilation; the others are dropped."""
 
 
 class Report:
-    """The diagnostics of one compilation."""
+    """The diagnostics of one compilation.
+
+    Attributes:
+        has_errors: whether an error was recorded.
+    """
 
     def __init__(self) -> None:
         self._found: list[Diagnostic] = []
+        self._kept = {True: 0, False: 0}
         self._seen: set[tuple[str, str, int]] = set()
-        self.dropped = 0
+        self.has_errors = False
 
     def error(self, code: str, span: Span, message: str, hint: str = "") -> None:
         """Record a mistake; the same code at the same place counts once."""
@@ -32,15 +37,11 @@ class Report:
         if key in self._seen:
             return
         self._seen.add(key)
-        if len(self._found) >= DIAGNOSTIC_LIMIT:
-            self.dropped += 1
-            return
-        self._found.append(diagnostic)
-
-    @property
-    def has_errors(self) -> bool:
-        """Whether an error was recorded."""
-        return any(d.severity is Severity.ERROR for d in self._found)
+        is_error = diagnostic.severity is Severity.ERROR
+        self.has_errors = self.has_errors or is_error
+        if self._kept[is_error] < DIAGNOSTIC_LIMIT:
+            self._kept[is_error] += 1
+            self._found.append(diagnostic)
 
     def sorted(self) -> list[Diagnostic]:
         """Return everything found, by file and place."""

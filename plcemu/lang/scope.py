@@ -11,8 +11,12 @@ from plcemu.base.spans import Span
 from plcemu.base.types import ELEMENTARY, ElementaryType, Value
 from plcemu.ir.program import ImageExtent
 from plcemu.lang import syntax as s
+from plcemu.lang.cursor import NESTING_LIMIT
 from plcemu.lang.report import Report
 from plcemu.lang.types import CLOCK, BlockType, Place, Type, step_type, widens
+
+MEMORY_LIMIT = 1_000_000
+"""Bytes that the variables of one POU's instance may take."""
 
 _GAP = 64
 """Unused elements between two used ones that still share an extent of the image."""
@@ -91,7 +95,7 @@ class Declarations:
     """Builds the scope of every POU, the blocks it contains first.
 
     Args:
-        pous: of the user and of the library.
+        pous: of the library and of the user.
         image: where located variables stand.
         report: takes the mistakes.
     """
@@ -118,6 +122,10 @@ class Declarations:
         if key in self._open:
             chain = " contains ".join([*self._open[self._open.index(key):], key])
             self._report.error("P0060", pou.span, f"{pou.name} contains itself: {chain}")
+            return None
+        if len(self._open) >= NESTING_LIMIT:
+            self._report.error("P0014", pou.span, f"function blocks contain each other more than "
+                               f"{NESTING_LIMIT} levels deep")
             return None
         self._open.append(key)
         scope = _Builder(self, pou, self._image, self._report).build()
@@ -156,24 +164,30 @@ class _Builder:
         if isinstance(body, s.SfcBody):
             self._chart(body)
         self.scope.type.size = -(-self.scope.type.size // 8) * 8
+        if self.scope.type.size > MEMORY_LIMIT:
+            self._report.error("P0100", self.scope.pou.span, f"an instance of "
+                               f"{self.scope.pou.name} needs more than {MEMORY_LIMIT} bytes")
+            self.scope.type = BlockType(self.scope.pou.name, self.scope.pou.kind)
         return self.scope
 
     def _variable(self, variable: s.Variable) -> None:
-        key = variable.name.upper()
+        key = name_key(variable.name)
         if key in self.scope.places or key in self.scope.temporaries:
-            self._report.error("P0021", variable.span, f"{variable.name!r} is declared twice")
+            self._twice(key, variable.name, variable.span)
             return
         of = self._declarations.find_type(variable.type, variable.type_span)
         if of is None:
             self.scope.places[key] = Place("unknown", 0, ELEMENTARY["BOOL"], variable.name)
             return
         initial = self._initial(variable, of)
+        if isinstance(of, BlockType) and variable.section != "VAR":
+            self._report.error("P0090", variable.span,
+                               f"function blocks in {variable.section} are not supported yet")
+            self.scope.places[key] = Place("unknown", 0, of, variable.name)
+            return
         if variable.section == "VAR_TEMP":
-            if isinstance(of, ElementaryType):
-                self.scope.temporaries[key] = (variable, of)
-            else:
-                self._report.error("P0090", variable.span,
-                                   "function blocks in VAR_TEMP are not supported yet")
+            assert isinstance(of, ElementaryType)
+            self.scope.temporaries[key] = (variable, of)
             return
         read_only = "it is CONSTANT" if variable.constant else ""
         if variable.address:
@@ -185,6 +199,12 @@ class _Builder:
         if variable.section == "VAR" and not variable.constant:
             self.scope.unused[key] = variable
 
+    def _twice(self, key: str, name: str, span: Span) -> None:
+        """Report a second declaration; which one is meant is not known from here on."""
+        self._report.error("P0021", span, f"{name!r} is declared twice")
+        self.scope.places[key] = Place("unknown", 0, ELEMENTARY["BOOL"], name)
+        self.scope.temporaries.pop(key, None)
+
     def _initial(self, variable: s.Variable, of: Type) -> Value | None:
         if variable.initial is None:
             return None
@@ -192,11 +212,10 @@ class _Builder:
             self._report.error("P0090", variable.initial.span,
                                "initial values of function block instances are not supported yet")
             return None
-        value = constant_value(variable.initial, of, self._report)
-        return value
+        return constant_value(variable.initial, of, self._report)
 
     def _located(self, variable: s.Variable, of: Type, initial: Value | None) -> None:
-        key, span = variable.name.upper(), variable.address_span
+        key, span = name_key(variable.name), variable.address_span
         if self.scope.pou.kind != "PROGRAM":
             self._report.error("P0030", span, "only a PROGRAM's variables can have an address")
         address = read_address(variable.address, span, self._report)
@@ -219,7 +238,7 @@ class _Builder:
         for step in body.steps:
             key = step.name.upper()
             if key in self.scope.places:
-                self._report.error("P0021", step.span, f"{step.name!r} is declared twice")
+                self._twice(key, step.name, step.span)
                 continue
             of = step_type(key in read)
             made = self.scope.type.add(step.name, of)
@@ -237,7 +256,7 @@ class _Builder:
 
 
 CONTROLLED = frozenset(("R", "S", "L", "D", "SD", "DS", "SL"))
-"""Action qualifiers that need a memory or a timer of their own; the others follow from the steps."""
+"""Qualifiers that need a memory or a timer of their own; the others follow from the steps."""
 
 
 def _steps_whose_time_is_read(body: s.SfcBody) -> set[str]:
@@ -254,6 +273,14 @@ def _steps_whose_time_is_read(body: s.SfcBody) -> set[str]:
         elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Span):
             pending.extend(getattr(node, name) for name in node.__dataclass_fields__)
     return found
+
+
+def name_key(name: str) -> str:
+    """Return a name as scopes know it: in capitals, a direct address in its usual form."""
+    try:
+        return str(parse_address(name)) if name.startswith("%") else name.upper()
+    except ValueError:
+        return name.upper()
 
 
 def read_address(text: str, span: Span, report: Report) -> Address | None:
@@ -278,7 +305,7 @@ def addresses_in(tokens: Iterable[object]) -> list[Address]:
 
 
 def constant_value(expr: s.Expr, of: ElementaryType, report: Report) -> Value | None:
-    """Return the value of a constant expression as a value of a type; mistakes go to the report."""
+    """Return a literal's value as the nearest one of a type; mistakes go to the report."""
     sign, literal = 1, expr
     while isinstance(literal, s.Unary) and literal.op == "NEG":
         sign, literal = -sign, literal.operand
@@ -290,18 +317,12 @@ def constant_value(expr: s.Expr, of: ElementaryType, report: Report) -> Value | 
                      f"type {of.name}")
         return None
     value = literal.value
-    if of.kind == "float" and not isinstance(value, str):
-        value = sign * float(value)
-    elif of.kind == "bool":
-        value = bool(value)
-    elif sign < 0 and isinstance(value, int | float):
-        value = -value
+    assert not isinstance(value, str)
     try:
-        of.pack(value)
+        return of.unpack(of.pack(bool(value) if of.kind == "bool" else sign * value))
     except ValueError as problem:
         report.error("P0025", expr.span, str(problem))
         return None
-    return value
 
 
 _LITERAL_KINDS: Mapping[str, tuple[str, ...]] = {

@@ -59,7 +59,7 @@ def _association(cursor: Cursor) -> s.Association:
             indicator = cursor.identifier("an indicator variable")
             cursor.report.error("P0090", indicator.span,
                                 "indicator variables of action blocks are not supported yet")
-        cursor.expect(")", "to close the action block")
+        cursor.expect(")", "to close the action block", "P0011")
     return s.Association(name.span, name.text, qualifier, time)
 
 
@@ -86,13 +86,12 @@ def _transition(cursor: Cursor) -> s.Transition:
     if not cursor.at("FROM", "("):
         name = cursor.identifier("FROM or the transition's name").text
     if cursor.accept("("):
-        if cursor.advance().upper != "PRIORITY":
-            raise cursor.failure("PRIORITY := a number")
-        cursor.expect(":=")
+        cursor.expect("PRIORITY")
+        cursor.expect(":=", "after PRIORITY")
         if cursor.token.kind != "int":
             raise cursor.failure("a whole number as priority")
         priority = int(cursor.advance().value)
-        cursor.expect(")")
+        cursor.expect(")", "after the priority", "P0011")
     cursor.expect("FROM")
     sources = _step_names(cursor)
     cursor.expect("TO")
@@ -120,7 +119,7 @@ def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
     names = [one()]
     while cursor.accept(","):
         names.append(one())
-    cursor.expect(")", "after the steps' names")
+    cursor.expect(")", "after the steps' names", "P0011")
     return tuple(names)
 
 

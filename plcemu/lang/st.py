@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from plcemu.base.spans import Span
 from plcemu.lang import syntax as s
-from plcemu.lang.cursor import Cursor, SyntaxFailure
+from plcemu.lang.cursor import Cursor, NestedTooDeeply, SyntaxFailure
+from plcemu.lang.lexer import Token
 
 # One row a level of precedence, the loosest first: sign -> operator (table 55).
 _LEVELS: tuple[dict[str, str], ...] = (
@@ -21,7 +22,11 @@ _LEVELS: tuple[dict[str, str], ...] = (
 
 _ENDS = ("END_IF", "ELSIF", "ELSE", "END_CASE", "END_FOR", "END_WHILE", "UNTIL", "END_REPEAT",
          "END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "END_TRANSITION",
-         "PROGRAM", "FUNCTION_BLOCK", "ACTION", "TRANSITION", "STEP", "INITIAL_STEP")
+         "PROGRAM", "FUNCTION_BLOCK", "ACTION", "TRANSITION", "STEP", "INITIAL_STEP", "END_STEP")
+
+_COMPOUNDS = {"IF": "END_IF", "CASE": "END_CASE", "FOR": "END_FOR", "WHILE": "END_WHILE",
+              "REPEAT": "END_REPEAT"}
+"""The statements that hold others, with the keywords that close them."""
 
 
 def parse_expression(cursor: Cursor) -> s.Expr:
@@ -73,7 +78,7 @@ def _primary(cursor: Cursor) -> s.Expr:
         return s.Direct(token.span, token.text)
     if cursor.accept("("):
         inner = parse_expression(cursor)
-        cursor.expect(")", "to close the parenthesis")
+        cursor.expect(")", "to close the parenthesis", "P0011")
         return inner
     name = parse_name(cursor, "an expression")
     if cursor.at("(", "["):
@@ -103,7 +108,7 @@ def parse_arguments(cursor: Cursor) -> tuple[s.Argument, ...]:
         arguments.append(_argument(cursor))
         if not cursor.accept(","):
             break
-    cursor.expect(")", "to close the call")
+    cursor.expect(")", "to close the call", "P0011")
     return tuple(arguments)
 
 
@@ -125,33 +130,57 @@ def _argument(cursor: Cursor) -> s.Argument:
 # ---------------------------------------------------------------- statements
 
 
-def parse_statements(cursor: Cursor) -> tuple[s.Statement, ...]:
-    """Parse statements up to a keyword that ends them; a mistake costs its statement only."""
+def parse_statements(cursor: Cursor, in_case: bool = False) -> tuple[s.Statement, ...]:
+    """Parse statements up to a keyword that ends them; a mistake costs its statement only.
+
+    In a branch of CASE the label of the next branch ends them too.
+    """
     statements: list[s.Statement] = []
     while not cursor.at_end() and not cursor.at(*_ENDS):
         if cursor.accept(";"):
             continue
-        before = cursor.token
-        try:
-            if not _starts_case_label(cursor):
-                statements.append(_statement(cursor))
-                continue
+        if in_case and _starts_case_label(cursor):
             break
+        begin = cursor.index
+        try:
+            statements.append(_statement(cursor))
         except SyntaxFailure:
-            if cursor.token is before:
-                cursor.advance()
-            cursor.skip_to(";", *_ENDS, over=(";",))
+            _skip_statement(cursor, begin)
     return tuple(statements)
 
 
+def _skip_statement(cursor: Cursor, begin: int) -> None:
+    """Skip the rest of a statement, with all that the compound statements in it hold."""
+    open_: list[str] = []
+    for token in cursor.since(begin):
+        _follow(open_, token)
+    while not cursor.at_end():
+        if not open_ and cursor.at(*_ENDS):
+            return
+        if cursor.at(*_ENDS) and not cursor.at("ELSE", "ELSIF", "UNTIL", *open_):
+            return
+        token = cursor.advance()
+        _follow(open_, token)
+        if not open_ and token.text == ";":
+            return
+
+
+def _follow(open_: list[str], token: Token) -> None:
+    """Keep track of the keywords that will close what is open."""
+    if token.kind != "name":
+        return
+    if token.upper in _COMPOUNDS:
+        open_.append(_COMPOUNDS[token.upper])
+    elif token.upper in open_:
+        while open_.pop() != token.upper:
+            pass
+
+
 def _starts_case_label(cursor: Cursor) -> bool:
-    """Whether a label of CASE begins here, which ends the statements of the branch before it."""
-    ahead = 1 if cursor.at("-", "+") else 0
-    if cursor.peek(ahead).kind not in ("int", "name"):
-        return False
-    if cursor.peek(ahead).kind == "int":
+    """Whether a label of CASE begins here."""
+    if cursor.token.kind == "int" or cursor.at("-", "+"):
         return True
-    return cursor.peek(ahead + 1).text in (":", "..", ",")
+    return cursor.token.kind == "name" and cursor.peek().text in (":", "..", ",")
 
 
 def _statement(cursor: Cursor) -> s.Statement:
@@ -161,8 +190,26 @@ def _statement(cursor: Cursor) -> s.Statement:
         statement = parser(cursor, cursor.advance().span) if parser else _assign_or_call(cursor)
     finally:
         cursor.leave()
-    cursor.expect(";", "after the statement")
+    if not cursor.accept(";"):
+        missing = cursor.failure("';' after the statement")
+        if not cursor.token.starts_line:
+            raise missing
     return statement
+
+
+def _header(cursor: Cursor, keyword: str, context: str) -> s.Expr | None:
+    """Parse the expression up to THEN, DO or OF; None if it is wrong but the keyword is there."""
+    try:
+        expr = parse_expression(cursor)
+        cursor.expect(keyword, context)
+    except NestedTooDeeply:
+        raise
+    except SyntaxFailure:
+        cursor.skip_to(keyword, ";", *_COMPOUNDS, *_ENDS)
+        if not cursor.accept(keyword):
+            raise
+        return None
+    return expr
 
 
 def _assign_or_call(cursor: Cursor) -> s.Statement:
@@ -185,9 +232,10 @@ def _if(cursor: Cursor, start: Span) -> s.Statement:
     branches: list[tuple[s.Expr, tuple[s.Statement, ...]]] = []
     otherwise: tuple[s.Statement, ...] = ()
     while True:
-        condition = parse_expression(cursor)
-        cursor.expect("THEN", "after the condition")
-        branches.append((condition, parse_statements(cursor)))
+        condition = _header(cursor, "THEN", "after the condition")
+        body = parse_statements(cursor)
+        if condition is not None:
+            branches.append((condition, body))
         if not cursor.accept("ELSIF"):
             break
     if cursor.accept("ELSE"):
@@ -197,18 +245,18 @@ def _if(cursor: Cursor, start: Span) -> s.Statement:
 
 
 def _case(cursor: Cursor, start: Span) -> s.Statement:
-    selector = parse_expression(cursor)
-    cursor.expect("OF", "after the selector of CASE")
+    selector = _header(cursor, "OF", "after the selector of CASE")
     branches = []
-    while not cursor.at("ELSE", "END_CASE") and not cursor.at_end():
+    while not cursor.at_end() and not cursor.at(*_ENDS):
         ranges = [_range(cursor)]
         while cursor.accept(","):
             ranges.append(_range(cursor))
         cursor.expect(":", "after the labels of a CASE branch")
-        branches.append((tuple(ranges), parse_statements(cursor)))
+        branches.append((tuple(ranges), parse_statements(cursor, in_case=True)))
     otherwise = parse_statements(cursor) if cursor.accept("ELSE") else ()
     cursor.expect("END_CASE", code="P0011")
-    return s.Case(start.to(cursor.previous.span), selector, tuple(branches), otherwise)
+    span = start.to(cursor.previous.span)
+    return s.Case(span, selector or s.Literal(span, "int", 0), tuple(branches), otherwise)
 
 
 def _range(cursor: Cursor) -> tuple[s.Expr, s.Expr]:
@@ -223,18 +271,18 @@ def _for(cursor: Cursor, start: Span) -> s.Statement:
     cursor.expect("TO")
     last = parse_expression(cursor)
     step = parse_expression(cursor) if cursor.accept("BY") else None
-    cursor.expect("DO")
+    cursor.expect("DO", "after the range of FOR")
     body = parse_statements(cursor)
     cursor.expect("END_FOR", code="P0011")
     return s.For(start.to(cursor.previous.span), control, first, last, step, body)
 
 
 def _while(cursor: Cursor, start: Span) -> s.Statement:
-    condition = parse_expression(cursor)
-    cursor.expect("DO", "after the condition")
+    condition = _header(cursor, "DO", "after the condition")
     body = parse_statements(cursor)
     cursor.expect("END_WHILE", code="P0011")
-    return s.While(start.to(cursor.previous.span), condition, body)
+    span = start.to(cursor.previous.span)
+    return s.While(span, condition or s.Literal(span, "bool", False), body)
 
 
 def _repeat(cursor: Cursor, start: Span) -> s.Statement:

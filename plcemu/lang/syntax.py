@@ -59,7 +59,7 @@ class Binary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluate:
-    """The value of a transition's condition, kept in a function of its own (made by SFC lowering)."""
+    """The value of a transition's condition, a function of its own (made by SFC lowering)."""
 
     span: Span
     function: str

@@ -16,6 +16,10 @@ REAL_LITERAL = ElementaryType("real literal", "literal", 0, 0, "", "")
 BOOL, TIME = ELEMENTARY["BOOL"], ELEMENTARY["TIME"]
 INT, DINT, LINT, REAL, LREAL = (ELEMENTARY[n] for n in ("INT", "DINT", "LINT", "REAL", "LREAL"))
 
+TYPE_OF_SIZE = {"X": BOOL, "B": ELEMENTARY["BYTE"], "W": ELEMENTARY["WORD"],
+                "D": ELEMENTARY["DWORD"], "L": ELEMENTARY["LWORD"]}
+"""The type of a direct address, by its size letter, that no declaration gives one (table 15)."""
+
 _WIDENS: dict[str, tuple[str, ...]] = {
     "SINT": ("INT", "DINT", "LINT", "REAL", "LREAL"),
     "INT": ("DINT", "LINT", "REAL", "LREAL"),
@@ -70,6 +74,12 @@ class BlockType:
         self.fields[name.upper()] = made
         self.size = offset + of.size
         return made
+
+    def visible(self, name: str) -> Field | None:
+        """Return the field of that name that others may name: of a function block no local one."""
+        found = self.fields.get(name.upper())
+        hidden = found is not None and self.kind == "FUNCTION_BLOCK" and found.section == "VAR"
+        return None if hidden else found
 
     def walk(self, prefix: str = "", base: int = 0) -> Iterator[tuple[str, int, Field]]:
         """Yield (dotted name, offset, field) of every elementary field, nested ones included."""

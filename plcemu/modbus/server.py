@@ -133,7 +133,7 @@ class ModbusTcpServer:
             return None
         self._connections.add(connection)
         self.counters["connections_open"] = len(self._connections)
-        logger.debug("opened %s", connection.peer)
+        self.throttle.log(logging.INFO, "opened", f"{connection.peer} connected")
         return Unit(self._map, self._exchange.port(f"modbus {connection.peer}"), self._identity,
                     counters=self.counters, throttle=self.throttle)
 
@@ -154,7 +154,7 @@ class ModbusTcpServer:
         self._alive.discard(connection)
         self._connections.discard(connection)
         self.counters["connections_open"] = len(self._connections)
-        logger.debug("closed %s", connection.peer)
+        self.throttle.log(logging.INFO, "closed", f"{connection.peer} disconnected")
 
     def take_request(self) -> bool:
         """Take one request out of the budget of this scan; False if it is used up."""
