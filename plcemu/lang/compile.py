@@ -17,13 +17,14 @@ from plcemu.ir.program import ClockCell, Function, Instance, Layout, Program, Sl
 from plcemu.lang import syntax as s
 from plcemu.lang.declarations import parse
 from plcemu.lang.emitter import Emitter
+from plcemu.lang.frames import Functions
 from plcemu.lang.lexer import tokenize
 from plcemu.lang.lower_il import InstructionList
 from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Declarations, Image, Scope, addresses_in
-from plcemu.lang.types import BOOL, TYPE_OF_SIZE, BlockType
+from plcemu.lang.types import BOOL, TYPE_OF_SIZE, BlockType, Place
 
 _LIBRARY = ("timers.st", "standard.st", "action_control.st")
 
@@ -47,13 +48,27 @@ def compile_program(source: str | Path | Iterable[str | Path]) -> Program:
     scopes = [scope for pou in pous if (scope := declarations.scope(pou.name)) is not None]
     if not any(pou.kind == "PROGRAM" for pou in pous):
         report.error("P0061", Span(sources[0], 0, 0), "there is no PROGRAM in this text")
-    functions = _lower_all(declarations, image, report)
+    plan = _plan(scopes, image)
+    functions = _lower_all(declarations, image, plan, report)
     report.stop_on_errors()
     _warn_of_unused(scopes, report)
     for function in functions.values():
         check_function(function, functions)
     programs = [scope for scope in scopes if scope.pou.kind == "PROGRAM"]
-    return _assemble(programs, image, addresses, functions, report.sorted())
+    return _assemble(programs, image, plan, addresses, functions, report.sorted())
+
+
+def _plan(scopes: list[Scope], image: Image) -> Functions:
+    """Lay out memory: the image, the program instances, then the frames of functions."""
+    size = _rounded(image.size)
+    for scope in scopes:
+        if scope.pou.kind == "PROGRAM":
+            size += scope.type.size
+    return Functions((x.type for x in scopes if x.pou.kind == "FUNCTION"), size)
+
+
+def _rounded(size: int) -> int:
+    return -(-size // 8) * 8
 
 
 def read_sources(source: str | Path | Iterable[str | Path]) -> list[Source]:
@@ -98,33 +113,47 @@ def _library() -> tuple[s.Pou, ...]:
 # ---------------------------------------------------------------- lowering
 
 
-def _lower_all(declarations: Declarations, image: Image, report: Report) -> dict[str, Function]:
+def _lower_all(declarations: Declarations, image: Image, plan: Functions,
+               report: Report) -> dict[str, Function]:
     """Lower every POU that has a scope: the user's, and what of the library they use."""
     functions: dict[str, Function] = {}
     for scope in list(declarations.scopes.values()):
-        _PouLowering(scope, image, report, functions).lower()
+        _PouLowering(scope, image, plan, report, functions).lower()
     return functions
 
 
 class _PouLowering:
     """Lowers one POU into its functions: the main one, and one for each action and condition."""
 
-    def __init__(self, scope: Scope, image: Image, report: Report,
+    def __init__(self, scope: Scope, image: Image, plan: Functions, report: Report,
                  functions: dict[str, Function]) -> None:
-        self._scope, self._image, self._report = scope, image, report
+        self._scope, self._image, self._plan, self._report = scope, image, plan, report
         self._functions = functions
 
     def lower(self) -> None:
         main = self._emitter(self._scope.pou.name.upper())
         body = self._scope.pou.body
+        if self._scope.pou.kind == "FUNCTION":
+            self._begin_function(main)
         if isinstance(body, s.SfcBody):
             Chart(main, self._part).lower(body)
         else:
             self._body(main, body)
         self._finish(main)
 
+    def _begin_function(self, out: Emitter) -> None:
+        """Give a function's own variables and its value their initial values, at every call."""
+        for field in self._scope.type.fields.values():
+            if field.section in ("VAR", "RESULT", "VAR_OUTPUT") and not field.constant:
+                assert isinstance(field.type, ElementaryType)
+                value = field.initial if field.initial is not None \
+                    else field.type.unpack(bytes(field.type.size))
+                span = self._scope.pou.span
+                out.emit("const", (field.type.machine, value), span)
+                out.store(Place("this", field.offset, field.type), field.type, span)
+
     def _emitter(self, name: str, result: str = "") -> Emitter:
-        out = Emitter(self._scope, self._image.offset, self._report, name, result)
+        out = Emitter(self._scope, self._image.offset, self._report, name, result, self._plan)
         for variable, _ in self._scope.temporaries.values():
             if variable.initial is not None:
                 target = s.Name(variable.span, (variable.name,))
@@ -164,15 +193,15 @@ def _warn_of_unused(scopes: list[Scope], report: Report) -> None:
 # ---------------------------------------------------------------- assembling
 
 
-def _assemble(programs: list[Scope], image: Image, addresses: list[Address],
+def _assemble(programs: list[Scope], image: Image, plan: Functions, addresses: list[Address],
               functions: dict[str, Function], warnings: list[Diagnostic]) -> Program:
     """Lay out memory (the image, then the instances) and put everything together."""
-    size = -(-image.size // 8) * 8
+    size = _rounded(image.size)
     instances = []
     for scope in programs:
         instances.append(Instance(scope.pou.name, scope.pou.name.upper(), size))
         size += scope.type.size
-    initial = bytearray(size)
+    initial = bytearray(plan.end)
     slots: list[Slot] = []
     clocks: list[ClockCell] = []
     for scope, instance in zip(programs, instances, strict=True):

@@ -11,8 +11,9 @@ from plcemu.lang.report import Report
 from plcemu.lang.sfc import ELEMENTS, parse_sfc
 from plcemu.lang.st import parse_expression, parse_statements
 
-_POUS = ("PROGRAM", "FUNCTION_BLOCK")
-_LATER = {"FUNCTION": "END_FUNCTION", "CONFIGURATION": "END_CONFIGURATION", "TYPE": "END_TYPE",
+_ENDS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION")
+_POUS = ("PROGRAM", "FUNCTION_BLOCK", "FUNCTION")
+_LATER = {"CONFIGURATION": "END_CONFIGURATION", "TYPE": "END_TYPE",
           "VAR_GLOBAL": "END_VAR", "RESOURCE": "END_RESOURCE"}
 _SECTIONS = ("VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_TEMP")
 _LATER_SECTIONS = ("VAR_IN_OUT", "VAR_EXTERNAL", "VAR_GLOBAL", "VAR_ACCESS")
@@ -32,10 +33,10 @@ def parse(tokens: list[Token], report: Report) -> list[s.Pou]:
                 cursor.skip_to(_LATER[what], over=(_LATER[what],))
                 continue
             if not cursor.accept(";"):
-                raise cursor.failure("PROGRAM or FUNCTION_BLOCK")
+                raise cursor.failure("PROGRAM, FUNCTION_BLOCK or FUNCTION")
         except SyntaxFailure:
-            cursor.skip_to(*_POUS, *_LATER, "END_PROGRAM", "END_FUNCTION_BLOCK",
-                           over=("END_PROGRAM", "END_FUNCTION_BLOCK"))
+            cursor.skip_to(*_POUS, *_LATER, *_ENDS,
+                           over=_ENDS)
     return pous
 
 
@@ -43,6 +44,11 @@ def _pou(cursor: Cursor) -> s.Pou:
     kind = cursor.advance().upper
     name = cursor.identifier(f"the name of the {kind}")
     variables: list[s.Variable] = []
+    if kind == "FUNCTION":
+        cursor.expect(":", "and the type of the function's value")
+        type_name, type_span = _type(cursor)
+        variables.append(s.Variable(name.span, name.text, "RESULT", type_name, type_span, None, "",
+                                    name.span))
     while cursor.at(*_SECTIONS, *_LATER_SECTIONS):
         variables.extend(_section(cursor))
     body = _body(cursor)
@@ -73,7 +79,7 @@ def _section(cursor: Cursor) -> list[s.Variable]:
     variables: list[s.Variable] = []
     failed = False
     while not cursor.at("END_VAR"):
-        if cursor.at_end() or cursor.at(*_POUS, *ELEMENTS, "END_PROGRAM", "END_FUNCTION_BLOCK"):
+        if cursor.at_end() or cursor.at(*_POUS, *ELEMENTS, *_ENDS):
             # After a mistake the missing END_VAR is most likely the mistake itself.
             raise SyntaxFailure if failed else \
                 cursor.failure(f"END_VAR to close {keyword.upper}", "P0011")
@@ -81,7 +87,7 @@ def _section(cursor: Cursor) -> list[s.Variable]:
             variables.extend(_declaration(cursor, keyword.upper, options))
         except SyntaxFailure:
             failed = True
-            cursor.skip_to(";", "END_VAR", "END_PROGRAM", "END_FUNCTION_BLOCK", over=(";",))
+            cursor.skip_to(";", "END_VAR", *_ENDS, over=(";",))
     cursor.advance()
     return variables
 

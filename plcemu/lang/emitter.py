@@ -11,6 +11,7 @@ from plcemu.base.types import ElementaryType
 from plcemu.ir.program import Function, Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.report import Report
+from plcemu.lang.frames import Functions
 from plcemu.lang.scope import Scope, read_address
 from plcemu.lang.types import TYPE_OF_SIZE, BlockType, Place
 
@@ -24,11 +25,13 @@ class Emitter:
         report: takes the mistakes.
         name: of the function.
         result: the machine type it returns, or empty.
+        functions: the user's functions.
     """
 
     def __init__(self, scope: Scope, image_offset: Callable[[Address], int], report: Report,
-                 name: str, result: str = "") -> None:
+                 name: str, result: str, functions: Functions) -> None:
         self.scope = scope
+        self.functions = functions
         self.report = report
         self.name = name
         self.result = result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from plcemu.base.spans import Span
 from plcemu.base.types import ELEMENTARY, ElementaryType
 from plcemu.lang import syntax as s
+from plcemu.lang.calls import Calls
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.scope import constant_value
 from plcemu.lang.types import (
@@ -60,7 +61,9 @@ class Expressions:
     """Infers and emits expressions into one function."""
 
     def __init__(self, emitter: Emitter) -> None:
-        self._out = emitter
+        self._out = self.out = emitter
+        self.report = emitter.report
+        self._calls = Calls(self)
         self._types: dict[s.Expr, ElementaryType | None] = {}
 
     # ------------------------------------------------------------ types
@@ -86,6 +89,8 @@ class Expressions:
             return found[1] if found else None
         if isinstance(expr, s.Unary):
             return self._infer_unary(expr)
+        if isinstance(expr, s.Call):
+            return self._calls.infer(expr)
         return BOOL
 
     def _infer_binary(self, expr: s.Binary, left: ElementaryType | None) -> ElementaryType | None:
@@ -173,7 +178,11 @@ class Expressions:
             value = constant_value(expr, target, self._out.report)
             self._out.emit("const", (target.machine, value), expr.span)
             return value is not None
-        if of.kind == "literal":
+        if of.kind == "literal" and isinstance(expr, s.Call):
+            of = target if target.kind in _NUMERIC else default_type(expr, of)
+            if not self._widens(expr, of, target):
+                return False
+        elif of.kind == "literal":
             assert isinstance(expr, s.Unary)
             if not self._fits(expr, target):
                 return False
@@ -195,6 +204,8 @@ class Expressions:
             good = self.emit(expr.operand, of)
             out.emit(f"{expr.op.lower()}.{of.machine}", None, expr.span)
             return good
+        if isinstance(expr, s.Call):
+            return self._calls.emit(expr, of)
         assert isinstance(expr, s.Evaluate)
         out.emit("addr", ("this", 0), expr.span)
         out.emit("call", expr.function, expr.span)
@@ -231,6 +242,8 @@ def default_type(expr: s.Expr, of: ElementaryType) -> ElementaryType:
             low = min(low, -int(each.operand.value))
         elif isinstance(each, s.Unary):
             pending.append(each.operand)
+        elif isinstance(each, s.Call):
+            pending += [argument.value for argument in each.arguments]
     return next((row for row in (INT, DINT) if row.low <= low and high <= row.high), LINT)
 
 

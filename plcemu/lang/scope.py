@@ -161,7 +161,9 @@ class _Builder:
         for variable in self.scope.pou.variables:
             self._variable(variable)
         body = self.scope.pou.body
-        if isinstance(body, s.SfcBody):
+        if isinstance(body, s.SfcBody) and self.scope.pou.kind == "FUNCTION":
+            self._report.error("P0010", body.span, "a FUNCTION has no memory, so it has no steps")
+        elif isinstance(body, s.SfcBody):
             self._chart(body)
         self.scope.type.size = -(-self.scope.type.size // 8) * 8
         if self.scope.type.size > MEMORY_LIMIT:
@@ -180,9 +182,11 @@ class _Builder:
             self.scope.places[key] = Place("unknown", 0, ELEMENTARY["BOOL"], variable.name)
             return
         initial = self._initial(variable, of)
-        if isinstance(of, BlockType) and variable.section != "VAR":
+        if isinstance(of, BlockType) and (variable.section != "VAR"
+                                          or self.scope.pou.kind == "FUNCTION"):
             self._report.error("P0090", variable.span,
-                               f"function blocks in {variable.section} are not supported yet")
+                               f"function blocks in {variable.section} of a "
+                               f"{self.scope.pou.kind} are not supported yet")
             self.scope.places[key] = Place("unknown", 0, of, variable.name)
             return
         if variable.section == "VAR_TEMP":

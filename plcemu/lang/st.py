@@ -76,14 +76,21 @@ def _primary(cursor: Cursor) -> s.Expr:
     if token.kind == "direct":
         cursor.advance()
         return s.Direct(token.span, token.text)
+    if cursor.at("NOT", "AND", "OR", "XOR", "MOD") and cursor.peek().text == "(":
+        # Functions that are spelt like operators, in the form of a call.
+        name_token = cursor.advance()
+        arguments = parse_arguments(cursor)
+        return s.Call(name_token.span.to(cursor.previous.span), name_token.text, arguments)
     if cursor.accept("("):
         inner = parse_expression(cursor)
         cursor.expect(")", "to close the parenthesis", "P0011")
         return inner
     name = parse_name(cursor, "an expression")
-    if cursor.at("(", "["):
-        what = "function calls in expressions" if cursor.at("(") else "array elements"
-        cursor.report.error("P0090", name.span, f"{what} are not supported yet")
+    if cursor.at("(") and len(name.parts) == 1:
+        arguments = parse_arguments(cursor)
+        return s.Call(name.span.to(cursor.previous.span), name.parts[0], arguments)
+    if cursor.at("["):
+        cursor.report.error("P0090", name.span, "array elements are not supported yet")
         raise SyntaxFailure
     return name
 

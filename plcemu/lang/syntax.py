@@ -65,7 +65,16 @@ class Evaluate:
     function: str
 
 
-Expr = Literal | Name | Direct | Unary | Binary | Evaluate
+@dataclass(frozen=True, slots=True, eq=False)
+class Call:
+    """A call of a function, with its value."""
+
+    span: Span
+    name: str
+    arguments: tuple[Argument, ...]
+
+
+Expr = Literal | Name | Direct | Unary | Binary | Call | Evaluate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -299,7 +308,10 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pou:
-    """A program organisation unit: PROGRAM or FUNCTION_BLOCK."""
+    """A program organisation unit: PROGRAM, FUNCTION_BLOCK or FUNCTION.
+
+    Of a function the variable that holds its value stands first, named after it.
+    """
 
     span: Span
     kind: str
