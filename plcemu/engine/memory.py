@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
-from plcemu.base.types import ELEMENTARY, ElementaryType, Value
+from plcemu.base.types import ElementaryType, StringType, Value, type_of
 from plcemu.ir.program import ClockCell, Layout
 
 _CLOCK = struct.Struct("<qq")
@@ -25,8 +25,8 @@ class Memory:
         self.layout = layout
         self.block = bytearray(layout.initial)
         self.tags = TagTable(slot.tag for slot in layout.slots)
-        self._slots: list[tuple[int, ElementaryType]] = [
-            (slot.offset, ELEMENTARY[slot.tag.type]) for slot in layout.slots]
+        self._slots: list[tuple[int, ElementaryType | StringType]] = [
+            (slot.offset, type_of(slot.tag.type)) for slot in layout.slots]
         idle = {clock.offset for clock in layout.clocks if not clock.observed}
         self._owner = self._owners(idle)
         self._shown = bytes(self.block)
@@ -64,7 +64,7 @@ class Memory:
         offset, row = self._slots[index]
         return row.unpack(self.block, offset)
 
-    def place(self, index: int) -> tuple[int, ElementaryType]:
+    def place(self, index: int) -> tuple[int, ElementaryType | StringType]:
         """Return a tag's offset in the block and its type."""
         return self._slots[index]
 

@@ -13,7 +13,7 @@ from plcemu.base.errors import did_you_mean
 from plcemu.base.types import ElementaryType
 from plcemu.lang import functions
 from plcemu.lang import syntax as s
-from plcemu.lang.types import BlockType, Field, Place
+from plcemu.lang.types import BlockType, Field, Place, Type, root
 
 if TYPE_CHECKING:
     from plcemu.lang.expressions import Expressions
@@ -29,14 +29,12 @@ class Calls:
 
     # ------------------------------------------------------------ types
 
-    def infer(self, call: s.Call) -> ElementaryType | None:
+    def infer(self, call: s.Call) -> Type | None:
         """Return the type of a call's value, or None after a reported mistake."""
         block = self._ex.out.functions.block(call.name)
         if block is not None:
-            result = block.fields[block.name.upper()].type
-            assert isinstance(result, ElementaryType)
             self._match(call, block)
-            return result
+            return root(block.fields[block.name.upper()].type)
         row = functions.find(call.name)
         if row is None:
             self._unknown(call)
@@ -85,7 +83,7 @@ class Calls:
 
     def _match(self, call: s.Call, block: BlockType) -> list[tuple[Field, s.Argument]]:
         """Return which argument goes into which input; mistakes go to the report."""
-        inputs = [f for f in block.fields.values() if f.section == "VAR_INPUT"]
+        inputs = [f for f in block.fields.values() if f.section in ("VAR_INPUT", "VAR_IN_OUT")]
         given = [a for a in call.arguments if not a.is_output]
         named = [a for a in given if a.name]
         report = self._ex.report
@@ -112,7 +110,7 @@ class Calls:
 
     # ------------------------------------------------------------ code
 
-    def emit(self, call: s.Call, of: ElementaryType) -> bool:
+    def emit(self, call: s.Call, of: Type) -> bool:
         """Push the value of a call whose type is inferred, in that type."""
         block = self._ex.out.functions.block(call.name)
         if block is not None:
@@ -129,31 +127,40 @@ class Calls:
     def _emit_user(self, call: s.Call, block: BlockType) -> bool:
         out, frame = self._ex.out, self._ex.out.functions.frame(block.name)
         matched = self._match(call, block)
-        good = True
-        for field, argument in matched:
-            assert isinstance(field.type, ElementaryType)
-            good = self._ex.emit(argument.value, field.type) and good
+        good = all([self._push(field, argument) for field, argument in matched])
         for field, argument in reversed(matched):
-            assert isinstance(field.type, ElementaryType)
             out.store(Place("memory", frame + field.offset, field.type), field.type, argument.span)
         self._defaults(block, frame, {field.name for field, _ in matched}, call)
         out.emit("addr", ("memory", frame), call.span)
         out.emit("call", block.name.upper(), call.span)
-        result = block.fields[block.name.upper()]
-        assert isinstance(result.type, ElementaryType)
-        out.load(Place("memory", frame + result.offset, result.type), result.type, call.span)
+        for argument in call.arguments:
+            if argument.is_output:
+                self._ex.take_output(argument, Place("memory", frame, block), block)
+        self._push_result(block, frame, call)
         return good
+
+    def _push(self, field: Field, argument: s.Argument) -> bool:
+        """Push an argument's value, or the address of the variable for a VAR_IN_OUT."""
+        if field.section == "VAR_IN_OUT":
+            return self._ex.push_variable(argument, field)
+        return self._ex.emit(argument.value, field.type)
+
+    def _push_result(self, block: BlockType, frame: int, call: s.Call) -> None:
+        """Push a function's value; a large one is kept apart, since the frame may be used again."""
+        out, result = self._ex.out, block.fields[block.name.upper()]
+        place = Place("memory", frame + result.offset, result.type)
+        out.load(place, result.type, call.span)
+        if not isinstance(result.type, ElementaryType):
+            kept = Place("memory", out.functions.temporary(result.type.size), result.type)
+            out.store(kept, result.type, call.span)
+            out.load(kept, result.type, call.span)
 
     def _defaults(self, block: BlockType, frame: int, given: set[str], call: s.Call) -> None:
         """Give the inputs that the call leaves out their initial values."""
         for field in block.fields.values():
             if field.section == "VAR_INPUT" and field.name not in given:
-                assert isinstance(field.type, ElementaryType)
-                value = field.initial if field.initial is not None else field.type.unpack(
-                    bytes(field.type.size))
-                self._ex.out.emit("const", (field.type.machine, value), call.span)
-                self._ex.out.store(Place("memory", frame + field.offset, field.type), field.type,
-                                   call.span)
+                self._ex.out.initialise(Place("memory", frame + field.offset, field.type), field,
+                                        call.span)
 
 
 def _next_name(last: str, ahead: int) -> str:

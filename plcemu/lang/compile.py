@@ -7,14 +7,12 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
-from plcemu.base.areas import Address
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic, Source, Span
-from plcemu.base.tags import Tag
-from plcemu.base.types import ElementaryType
 from plcemu.ir.check import check_function
-from plcemu.ir.program import ClockCell, Function, Instance, Layout, Program, Slot, Task
+from plcemu.ir.program import Function, Instance, Program
 from plcemu.lang import syntax as s
+from plcemu.lang.assemble import assemble, plan_instances
 from plcemu.lang.declarations import parse
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.frames import Functions
@@ -23,8 +21,9 @@ from plcemu.lang.lower_il import InstructionList
 from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.report import Report
-from plcemu.lang.scope import Declarations, Image, Scope, addresses_in
-from plcemu.lang.types import BOOL, TYPE_OF_SIZE, BlockType, Place
+from plcemu.lang.image import Image, addresses_in
+from plcemu.lang.scope import Declarations, Scope
+from plcemu.lang.types import BOOL, Place
 
 _LIBRARY = ("timers.st", "standard.st", "action_control.st")
 
@@ -40,31 +39,40 @@ def compile_program(source: str | Path | Iterable[str | Path]) -> Program:
     report = Report()
     sources = read_sources(source)
     tokens = [tokenize(each, report) for each in sources]
-    pous = [pou for each in tokens for pou in parse(each, report)]
+    units = [parse(each, report) for each in tokens]
+    pous = [pou for unit in units for pou in unit.pous]
     report.stop_on_errors()
     addresses = addresses_in(t for each in tokens for t in each)
     image = Image(addresses)
-    declarations = Declarations([*_library(), *pous], image, report)
+    declarations = Declarations([_library(), *units], image, report)
     scopes = [scope for pou in pous if (scope := declarations.scope(pou.name)) is not None]
     if not any(pou.kind == "PROGRAM" for pou in pous):
         report.error("P0061", Span(sources[0], 0, 0), "there is no PROGRAM in this text")
-    plan = _plan(scopes, image)
+    instances, tasks = plan_instances(units, scopes, report)
+    plan = _plan(declarations, scopes, instances, image)
     functions = _lower_all(declarations, image, plan, report)
     report.stop_on_errors()
     _warn_of_unused(scopes, report)
     for function in functions.values():
         check_function(function, functions)
-    programs = [scope for scope in scopes if scope.pou.kind == "PROGRAM"]
-    return _assemble(programs, image, plan, addresses, functions, report.sorted())
+    layout = assemble(declarations, instances, image, plan, addresses)
+    placed = tuple(Instance(name, scope.pou.name.upper(), base)
+                   for (name, scope), base in zip(instances, plan.bases, strict=True))
+    used = _reachable(functions, [i.function for i in placed])
+    return Program({n: f for n, f in functions.items() if n in used}, layout, placed, tasks,
+                   report.sorted())
 
 
-def _plan(scopes: list[Scope], image: Image) -> Functions:
-    """Lay out memory: the image, the program instances, then the frames of functions."""
-    size = _rounded(image.size)
-    for scope in scopes:
-        if scope.pou.kind == "PROGRAM":
-            size += scope.type.size
-    return Functions((x.type for x in scopes if x.pou.kind == "FUNCTION"), size)
+def _plan(declarations: Declarations, scopes: list[Scope], instances: list[tuple[str, Scope]],
+          image: Image) -> Functions:
+    """Lay out memory: image, global variables, program instances, then frames of functions."""
+    size = _rounded(image.size) + declarations.globals.type.size
+    bases = []
+    for _, scope in instances:
+        bases.append(size)
+        size += scope.type.size
+    blocks = [x.type for x in declarations.scopes.values() if x.pou.kind == "FUNCTION"]
+    return Functions(blocks, size, bases)
 
 
 def _rounded(size: int) -> int:
@@ -99,15 +107,15 @@ def _read(path: Path) -> Source:
 
 
 @cache
-def _library() -> tuple[s.Pou, ...]:
+def _library() -> s.Unit:
     """Return the standard function blocks, which are written in ST and compiled like user code."""
     report = Report()
     pous: list[s.Pou] = []
     for name in _LIBRARY:
         text = resources.files("plcemu.lang").joinpath("library", name).read_text("utf-8")
-        pous += parse(tokenize(Source(f"library/{name}", text), report), report)
+        pous += parse(tokenize(Source(f"library/{name}", text), report), report).pous
     report.stop_on_errors()
-    return tuple(pous)
+    return s.Unit(tuple(pous), (), (), ())
 
 
 # ---------------------------------------------------------------- lowering
@@ -145,17 +153,14 @@ class _PouLowering:
         """Give a function's own variables and its value their initial values, at every call."""
         for field in self._scope.type.fields.values():
             if field.section in ("VAR", "RESULT", "VAR_OUTPUT") and not field.constant:
-                assert isinstance(field.type, ElementaryType)
-                value = field.initial if field.initial is not None \
-                    else field.type.unpack(bytes(field.type.size))
-                span = self._scope.pou.span
-                out.emit("const", (field.type.machine, value), span)
-                out.store(Place("this", field.offset, field.type), field.type, span)
+                place = Place("this", field.offset, field.type)
+                out.initialise(place, field, self._scope.pou.span)
 
     def _emitter(self, name: str, result: str = "") -> Emitter:
         out = Emitter(self._scope, self._image.offset, self._report, name, result, self._plan)
         for variable, _ in self._scope.temporaries.values():
-            if variable.initial is not None:
+            if variable.initial is not None and not isinstance(variable.initial,
+                                                               s.ListValue | s.FieldValues):
                 target = s.Name(variable.span, (variable.name,))
                 Statements(out).assign(s.Assign(variable.span, target, variable.initial))
         return out
@@ -188,74 +193,6 @@ def _warn_of_unused(scopes: list[Scope], report: Report) -> None:
     for scope in scopes:
         for variable in scope.unused.values():
             report.warning("P0070", variable.span, f"variable {variable.name!r} is never used")
-
-
-# ---------------------------------------------------------------- assembling
-
-
-def _assemble(programs: list[Scope], image: Image, plan: Functions, addresses: list[Address],
-              functions: dict[str, Function], warnings: list[Diagnostic]) -> Program:
-    """Lay out memory (the image, then the instances) and put everything together."""
-    size = _rounded(image.size)
-    instances = []
-    for scope in programs:
-        instances.append(Instance(scope.pou.name, scope.pou.name.upper(), size))
-        size += scope.type.size
-    initial = bytearray(plan.end)
-    slots: list[Slot] = []
-    clocks: list[ClockCell] = []
-    for scope, instance in zip(programs, instances, strict=True):
-        slots += _located_slots(scope, initial)
-        slots += _instance_slots(scope.type, instance, initial)
-        clocks += [ClockCell(offset, _is_observed(holder))
-                   for offset, holder in scope.type.clocks(instance.base)]
-    slots += _direct_slots(programs, addresses, image, {slot.tag.address for slot in slots})
-    layout = Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(clocks))
-    task = Task("main", programs=tuple(i.name for i in instances))
-    used = _reachable(functions, [i.function for i in instances])
-    return Program({n: f for n, f in functions.items() if n in used}, layout, tuple(instances),
-                   (task,), warnings)
-
-
-def _located_slots(scope: Scope, initial: bytearray) -> list[Slot]:
-    slots = []
-    for each in scope.located:
-        if each.initial is not None:
-            _put(initial, each.offset, each.type, each.initial)
-        if not each.name.startswith("%"):
-            name = f"{scope.pou.name}.{each.name}"
-            slots.append(Slot(Tag(name, each.type.name, address=str(each.address)), each.offset))
-    return slots
-
-
-def _direct_slots(programs: list[Scope], addresses: list[Address], image: Image,
-                  named: set[str]) -> list[Slot]:
-    """Return a slot for every address that the program uses and no named variable has."""
-    types = {str(each.address): each.type for scope in programs for each in scope.located}
-    unnamed = sorted(set(addresses), key=lambda a: (a.area, a.index))
-    return [Slot(Tag(str(a), types.get(str(a), TYPE_OF_SIZE[a.area[1]]).name, address=str(a)),
-                 image.offset(a)) for a in unnamed if str(a) not in named]
-
-
-def _instance_slots(block: BlockType, instance: Instance, initial: bytearray) -> list[Slot]:
-    slots = []
-    for name, offset, each in block.walk(f"{instance.name}.", instance.base):
-        assert isinstance(each.type, ElementaryType)
-        if each.initial is not None:
-            _put(initial, offset, each.type, each.initial)
-        if not any(part.startswith("__") for part in name.split(".")):
-            slots.append(Slot(Tag(name, each.type.name, "ns" if each.type.kind == "time" else ""),
-                              offset))
-    return slots
-
-
-def _put(initial: bytearray, offset: int, of: ElementaryType, value: object) -> None:
-    assert isinstance(value, bool | int | float)
-    initial[offset:offset + of.size] = of.pack(value)
-
-
-def _is_observed(holder: BlockType) -> bool:
-    return holder.kind == "CLOCK" or holder.name.endswith("observed")
 
 
 def _reachable(functions: dict[str, Function], roots: list[str]) -> set[str]:

@@ -1,43 +1,62 @@
-"""Program organisation units and their variables (IEC 61131-3, 2.4 and 2.5)."""
+"""What a text declares: POUs with their variables, types, globals and configurations."""
 
 from __future__ import annotations
 
-from plcemu.base.spans import Span
 from plcemu.lang import syntax as s
+from plcemu.lang.configuration import parse_configuration
 from plcemu.lang.cursor import Cursor, SyntaxFailure
 from plcemu.lang.il import looks_like_il, parse_il
 from plcemu.lang.lexer import Token
 from plcemu.lang.report import Report
 from plcemu.lang.sfc import ELEMENTS, parse_sfc
-from plcemu.lang.st import parse_expression, parse_statements
+from plcemu.lang.st import parse_statements
+from plcemu.lang.typespecs import parse_initial, parse_type
+from plcemu.lang.variables import SECTIONS, parse_section
 
-_ENDS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION")
+_ENDS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_TYPE", "END_CONFIGURATION")
 _POUS = ("PROGRAM", "FUNCTION_BLOCK", "FUNCTION")
-_LATER = {"CONFIGURATION": "END_CONFIGURATION", "TYPE": "END_TYPE",
-          "VAR_GLOBAL": "END_VAR", "RESOURCE": "END_RESOURCE"}
-_SECTIONS = ("VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_TEMP")
-_LATER_SECTIONS = ("VAR_IN_OUT", "VAR_EXTERNAL", "VAR_GLOBAL", "VAR_ACCESS")
+_OTHERS = ("TYPE", "VAR_GLOBAL", "CONFIGURATION")
 
 
-def parse(tokens: list[Token], report: Report) -> list[s.Pou]:
-    """Parse a whole text into its POUs; every mistake goes to the report."""
-    cursor, pous = Cursor(tokens, report), []
+def parse(tokens: list[Token], report: Report) -> s.Unit:
+    """Parse a whole text; every mistake goes to the report."""
+    cursor = Cursor(tokens, report)
+    pous: list[s.Pou] = []
+    types: list[s.TypeDeclaration] = []
+    global_variables: list[s.Variable] = []
+    configurations: list[s.Configuration] = []
     while not cursor.at_end():
         try:
             if cursor.at(*_POUS):
                 pous.append(_pou(cursor))
-                continue
-            if cursor.at(*_LATER):
-                what = cursor.token.upper
-                report.error("P0090", cursor.token.span, f"{what} is not supported yet")
-                cursor.skip_to(_LATER[what], over=(_LATER[what],))
-                continue
-            if not cursor.accept(";"):
-                raise cursor.failure("PROGRAM, FUNCTION_BLOCK or FUNCTION")
+            elif cursor.at("TYPE"):
+                types += _types(cursor)
+            elif cursor.at("VAR_GLOBAL"):
+                global_variables += parse_section(cursor)
+            elif cursor.at("CONFIGURATION"):
+                configuration, inner = parse_configuration(cursor)
+                configurations.append(configuration)
+                global_variables += inner
+            elif not cursor.accept(";"):
+                raise cursor.failure("PROGRAM, FUNCTION_BLOCK, FUNCTION, TYPE or CONFIGURATION")
         except SyntaxFailure:
-            cursor.skip_to(*_POUS, *_LATER, *_ENDS,
-                           over=_ENDS)
-    return pous
+            cursor.skip_to(*_POUS, *_OTHERS, *_ENDS, over=_ENDS)
+    return s.Unit(tuple(pous), tuple(types), tuple(global_variables), tuple(configurations))
+
+
+def _types(cursor: Cursor) -> list[s.TypeDeclaration]:
+    cursor.advance()
+    found = []
+    while not cursor.at("END_TYPE"):
+        name = cursor.identifier("a type's name or END_TYPE")
+        cursor.expect(":", "between the type's name and what it is")
+        spec = parse_type(cursor)
+        initial = parse_initial(cursor) if cursor.accept(":=") else None
+        cursor.expect(";", "after the type")
+        found.append(s.TypeDeclaration(name.span, name.text, spec, initial))
+    cursor.advance()
+    cursor.accept(";")
+    return found
 
 
 def _pou(cursor: Cursor) -> s.Pou:
@@ -46,11 +65,11 @@ def _pou(cursor: Cursor) -> s.Pou:
     variables: list[s.Variable] = []
     if kind == "FUNCTION":
         cursor.expect(":", "and the type of the function's value")
-        type_name, type_span = _type(cursor)
-        variables.append(s.Variable(name.span, name.text, "RESULT", type_name, type_span, None, "",
-                                    name.span))
-    while cursor.at(*_SECTIONS, *_LATER_SECTIONS):
-        variables.extend(_section(cursor))
+        spec = parse_type(cursor)
+        variables.append(s.Variable(name.span, name.text, "RESULT", spec, None, "", name.span))
+        cursor.accept(";")
+    while cursor.at(*SECTIONS):
+        variables.extend(parse_section(cursor))
     body = _body(cursor)
     cursor.expect(f"END_{kind}", code="P0011")
     cursor.accept(";")
@@ -65,58 +84,3 @@ def _body(cursor: Cursor) -> s.Body:
     start = cursor.place()
     statements = parse_statements(cursor)
     return s.StBody(start.to(cursor.place()), statements)
-
-
-def _section(cursor: Cursor) -> list[s.Variable]:
-    keyword = cursor.advance()
-    if keyword.upper in _LATER_SECTIONS:
-        cursor.report.error("P0090", keyword.span, f"{keyword.upper} is not supported yet")
-        cursor.skip_to("END_VAR", over=("END_VAR",))
-        return []
-    options = set()
-    while cursor.at("CONSTANT", "RETAIN", "NON_RETAIN"):
-        options.add(cursor.advance().upper)
-    variables: list[s.Variable] = []
-    failed = False
-    while not cursor.at("END_VAR"):
-        if cursor.at_end() or cursor.at(*_POUS, *ELEMENTS, *_ENDS):
-            # After a mistake the missing END_VAR is most likely the mistake itself.
-            raise SyntaxFailure if failed else \
-                cursor.failure(f"END_VAR to close {keyword.upper}", "P0011")
-        try:
-            variables.extend(_declaration(cursor, keyword.upper, options))
-        except SyntaxFailure:
-            failed = True
-            cursor.skip_to(";", "END_VAR", *_ENDS, over=(";",))
-    cursor.advance()
-    return variables
-
-
-def _declaration(cursor: Cursor, section: str, options: set[str]) -> list[s.Variable]:
-    names = [] if cursor.at("AT") else [cursor.identifier("a variable's name or END_VAR")]
-    while names and cursor.accept(","):
-        names.append(cursor.identifier("another variable's name"))
-    address, address_span = "", cursor.token.span
-    if cursor.accept("AT"):
-        if cursor.token.kind != "direct":
-            raise cursor.failure("an address such as %IX0.0 after AT")
-        address, address_span = cursor.token.text, cursor.token.span
-        cursor.advance()
-        if len(names) > 1:
-            cursor.report.error("P0030", address_span, "several variables cannot share one AT")
-    cursor.expect(":", "between the variable's name and its type")
-    type_name, type_span = _type(cursor)
-    initial = parse_expression(cursor) if cursor.accept(":=") else None
-    cursor.expect(";", "after the declaration")
-    tokens = [(t.text, t.span) for t in names] or [(address, address_span)]
-    return [s.Variable(span, name, section, type_name, type_span, initial, address, address_span,
-                       "CONSTANT" in options, "RETAIN" in options) for name, span in tokens]
-
-
-def _type(cursor: Cursor) -> tuple[str, Span]:
-    if cursor.at("ARRAY", "STRUCT", "STRING", "WSTRING", "("):
-        cursor.report.error("P0090", cursor.token.span,
-                            f"{cursor.token.upper} types are not supported yet")
-        raise SyntaxFailure
-    token = cursor.identifier("a type")
-    return token.text, token.span

@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from plcemu.base.areas import Address
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
-from plcemu.base.types import ElementaryType
+from plcemu.base.types import ElementaryType, StringType
 from plcemu.ir.program import Function, Instr
 from plcemu.lang import syntax as s
-from plcemu.lang.report import Report
+from plcemu.lang.constants import NotConstant, fold
 from plcemu.lang.frames import Functions
-from plcemu.lang.scope import Scope, read_address
-from plcemu.lang.types import TYPE_OF_SIZE, BlockType, Place
+from plcemu.lang.image import read_address
+from plcemu.lang.report import Report
+from plcemu.lang.scope import Scope
+from plcemu.lang.types import (
+    TYPE_OF_SIZE,
+    ArrayType,
+    BlockType,
+    Field,
+    Place,
+    Subscript,
+    Type,
+    root,
+)
+
+
+def _no_subscript(_: s.Expr) -> None:
+    raise AssertionError("the lowering of expressions sets how subscripts are pushed")
 
 
 class Emitter:
@@ -36,6 +52,7 @@ class Emitter:
         self.name = name
         self.result = result
         self.code: list[Instr] = []
+        self.push_subscript: Callable[[s.Expr], None] = _no_subscript
         self._image_offset = image_offset
         self._locals: list[str] = []
         self._labels = 0
@@ -74,35 +91,72 @@ class Emitter:
         """Return where a variable stands; a mistake goes to the report and gives None."""
         if isinstance(node, s.Direct):
             return self._direct(node)
-        key = node.parts[0].upper()
-        self.scope.unused.pop(key, None)
-        place = self._names.get(key) or self.scope.places.get(key)
+        key = node.head.upper()
+        place = self._names.get(key) or self.scope.find(key)
         if place is None:
             self._unknown(node)
             return None
         if place.base == "unknown":
             return None
         for part in node.parts[1:]:
-            field = place.type.visible(part) if isinstance(place.type, BlockType) else None
-            if field is None:
-                self._no_field(node, place, part)
+            inner = self._field(node, place, part) if isinstance(part, str) \
+                else self._element(node, place, part)
+            if inner is None:
                 return None
-            read_only = place.read_only or ("it is an output" if field.section == "VAR_OUTPUT"
-                                            else "")
-            place = Place(place.base, place.offset + field.offset, field.type, str(node), read_only)
+            place = inner
         return place
 
-    def value_place(self, node: s.Name | s.Direct) -> tuple[Place, ElementaryType] | None:
-        """Return the place and type of a variable that holds one elementary value."""
+    def _field(self, node: s.Name, place: Place, part: str) -> Place | None:
+        field = place.type.visible(part) if isinstance(place.type, BlockType) else None
+        if field is None:
+            self._no_field(node, place, part)
+            return None
+        read_only = place.read_only or ("it is an output" if field.section == "VAR_OUTPUT" else "")
+        return replace(place, offset=place.offset + field.offset, type=field.type, name=str(node),
+                       read_only=read_only)
+
+    def _element(self, node: s.Name, place: Place, subscripts: tuple[s.Expr, ...]) -> Place | None:
+        """Return the place of an array's element; known subscripts need no code."""
+        of = place.type
+        if not isinstance(of, ArrayType):
+            self.report.error("P0023", node.span, f"{place.name} is no array, but {of.name}")
+            return None
+        if len(subscripts) != len(of.ranges):
+            self.report.error("P0026", node.span, f"{place.name} has {len(of.ranges)} dimensions, "
+                              f"{len(subscripts)} subscripts are given")
+            return None
+        offset, path, size = place.offset, list(place.path), of.size
+        for expr, (low, high) in zip(subscripts, of.ranges, strict=True):
+            size //= high - low + 1
+            known = self._known(expr)
+            if known is None:
+                path.append(Subscript(expr, low, high - low + 1, size))
+            elif low <= known <= high:
+                offset += (known - low) * size
+            else:
+                self.report.error("P0025", expr.span, f"{known} is outside {low}..{high}")
+                return None
+        return replace(place, offset=offset, type=of.element, name=str(node), path=tuple(path))
+
+    def _known(self, expr: s.Expr) -> int | None:
+        """Return the value of a subscript that is known beforehand."""
+        try:
+            value = fold(expr, self.scope.lookup)
+        except NotConstant:
+            return None
+        return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+    def value_place(self, node: s.Name | s.Direct) -> tuple[Place, Type] | None:
+        """Return the place and type of a variable that holds a value."""
         place = self.place(node)
         if place is None:
             return None
-        if isinstance(place.type, BlockType):
+        if isinstance(place.type, BlockType) and place.type.kind != "STRUCT":
             kind = "step" if place.type.kind == "STEP" else "function block instance"
             hint = f"write {node}.X" if kind == "step" else "name one of its outputs"
             self.report.error("P0023", node.span, f"{node} is a {kind}, not a value", hint)
             return None
-        return place, place.type
+        return place, root(place.type)
 
     def _direct(self, node: s.Direct) -> Place | None:
         address = read_address(node.address, node.span, self.report)
@@ -115,8 +169,8 @@ class Emitter:
     def _unknown(self, node: s.Name) -> None:
         places = [*self.scope.places.values(), *self._names.values()]
         known = [p.name for p in places if not p.name.startswith("__")]
-        hint = did_you_mean(node.parts[0], known).removeprefix("; ")
-        self.report.error("P0020", node.span, f"{node.parts[0]!r} is not declared", hint)
+        hint = did_you_mean(node.head, known).removeprefix("; ")
+        self.report.error("P0020", node.span, f"{node.head!r} is not declared", hint)
 
     def _no_field(self, node: s.Name, place: Place, part: str) -> None:
         known = [f.name for f in place.type.fields.values() if place.type.visible(f.name)] \
@@ -128,16 +182,69 @@ class Emitter:
 
     # ------------------------------------------------------------ access
 
-    def load(self, place: Place, of: ElementaryType, span: Span) -> None:
-        """Push the value at a place."""
+    def load(self, place: Place, of: Type, span: Span) -> None:
+        """Push the value at a place; of arrays, structures and strings their address."""
         if place.base == "local":
             self.emit("get", place.offset, span)
+        elif not isinstance(of, ElementaryType):
+            self.push_address(place, span)
+        elif place.path or place.base == "pointer":
+            self._push_base(place, span)
+            self.emit("loadat", (of.machine, place.offset if place.base == "pointer" else 0), span)
         else:
             self.emit("load", (of.machine, place.base, place.offset), span)
 
-    def store(self, place: Place, of: ElementaryType, span: Span) -> None:
-        """Pop a value into a place."""
+    def store(self, place: Place, of: Type, span: Span) -> None:
+        """Pop a value (or the address of an array, structure or string) into a place."""
         if place.base == "local":
             self.emit("set", place.offset, span)
+        elif not isinstance(of, ElementaryType):
+            self._store_large(place, of, span)
+        elif place.path or place.base == "pointer":
+            value = self.new_local(of.machine)
+            self.emit("set", value, span)
+            self._push_base(place, span)
+            self.emit("get", value, span)
+            self.emit("storeat", (of.machine, place.offset if place.base == "pointer" else 0), span)
         else:
             self.emit("store", (of.machine, place.base, place.offset), span)
+
+    def _store_large(self, place: Place, of: Type, span: Span) -> None:
+        source = self.new_local("u32")
+        self.emit("set", source, span)
+        self.push_address(place, span)
+        if isinstance(of, StringType):
+            self.emit("const", ("i64", of.capacity), span)
+            self.emit("get", source, span)
+            self.emit("builtin", f"string.copy.{'w' if of.wide else 's'}", span)
+        else:
+            self.emit("get", source, span)
+            self.emit("copy", of.size, span)
+
+    def initialise(self, place: Place, field: Field, span: Span) -> None:
+        """Give a variable its initial value."""
+        if isinstance(field.type, ElementaryType):
+            self.emit("const", (field.type.machine, field.type.unpack(field.bytes)), span)
+            self.store(place, field.type, span)
+        else:
+            self.push_address(place, span)
+            self.emit("addr", ("memory", self.functions.allocate(field.bytes)), span)
+            self.emit("copy", field.type.size, span)
+
+    def push_address(self, place: Place, span: Span) -> None:
+        """Push the address of a place in memory."""
+        self._push_base(place, span)
+        if place.base == "pointer" and place.offset:
+            self.emit("const", ("u32", place.offset), span)
+            self.emit("add.u32", None, span)
+
+    def _push_base(self, place: Place, span: Span) -> None:
+        """Push a place's address; of what a pointer points at, without the offset."""
+        if place.base == "pointer":
+            self.emit("load", ("u32", "this", place.cell), span)
+        else:
+            self.emit("addr", (place.base, place.offset), span)
+        for subscript in place.path:
+            self.push_subscript(subscript.value)
+            self.emit("index", (subscript.low, subscript.count, subscript.size), span)
+            self.emit("add.u32", None, span)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from plcemu.base.spans import Span
-from plcemu.base.types import ELEMENTARY, ElementaryType
+from plcemu.base.types import ELEMENTARY, ElementaryType, StringType
 from plcemu.lang import syntax as s
 from plcemu.lang.calls import Calls
 from plcemu.lang.emitter import Emitter
-from plcemu.lang.scope import constant_value
+from plcemu.lang.constants import constant_value
 from plcemu.lang.types import (
     BOOL,
     DINT,
@@ -17,7 +19,13 @@ from plcemu.lang.types import (
     REAL,
     REAL_LITERAL,
     TIME,
+    BlockType,
+    EnumType,
+    Field,
+    Place,
+    Type,
     common_type,
+    root,
     widens,
 )
 
@@ -33,8 +41,16 @@ _KINDS = {"ADD": (*_NUMERIC, "time"), "SUB": (*_NUMERIC, "time"), "MUL": _NUMERI
 """The kinds of types that an operator works on; the comparisons take all."""
 
 
-def operand_type(op: str, left: ElementaryType, right: ElementaryType) -> ElementaryType | None:
+_DATES = ("date", "tod", "dt")
+
+
+def operand_type(op: str, left: Type, right: Type) -> Type | None:
     """Return the type in which an operator works on its operands, or None if they do not fit it."""
+    left, right = root(left), root(right)
+    if left.kind in _DATES and op in ("ADD", "SUB"):
+        if right.kind == "time" and left.kind != "date":
+            return left
+        return left if op == "SUB" and right == left else None
     if op in LOGIC and INT_LITERAL in (left, right) and BOOL in (left, right):
         return BOOL
     if op in ("MUL", "DIV") and left.kind == "time" and right.kind in ("int", "uint", "literal") \
@@ -43,16 +59,27 @@ def operand_type(op: str, left: ElementaryType, right: ElementaryType) -> Elemen
     common = common_type(left, right)
     if common is None or (op not in COMPARISON and common.kind not in _KINDS[op]):
         return None
+    if op in COMPARISON and not isinstance(common, ElementaryType | StringType):
+        return None
     return common
 
 
-def second_type(op: str, common: ElementaryType, right: ElementaryType) -> ElementaryType:
+def result_type(op: str, common: Type, right: Type) -> Type:
+    """Return the type of an operator's value."""
+    if op in COMPARISON:
+        return BOOL
+    return TIME if op == "SUB" and common.kind in _DATES and right.kind == common.kind else common
+
+
+def second_type(op: str, common: Type, right: Type) -> Type:
     """Return the type of an operator's second operand: of TIME times a number it is the number."""
+    if common.kind in _DATES and right.kind == "time":
+        return TIME
     scales = op in ("MUL", "DIV") and common.kind == "time" and right.kind != "time"
     return LINT if scales else common
 
 
-def operation(op: str, of: ElementaryType) -> str:
+def operation(op: str, of: Type) -> str:
     """Return the IR operation for an operator on a type."""
     return f"{ARITHMETIC.get(op) or LOGIC.get(op) or COMPARISON[op]}.{of.machine}"
 
@@ -64,11 +91,12 @@ class Expressions:
         self._out = self.out = emitter
         self.report = emitter.report
         self._calls = Calls(self)
-        self._types: dict[s.Expr, ElementaryType | None] = {}
+        self._types: dict[s.Expr, Type | None] = {}
+        emitter.push_subscript = self._push_subscript
 
     # ------------------------------------------------------------ types
 
-    def infer(self, expr: s.Expr) -> ElementaryType | None:
+    def infer(self, expr: s.Expr) -> Type | None:
         """Return an expression's type (perhaps a literal's), or None after a reported mistake."""
         chain: list[s.Binary] = []
         while isinstance(expr, s.Binary) and expr not in self._types:
@@ -81,9 +109,11 @@ class Expressions:
             of = self._types[binary] = self._infer_binary(binary, of)
         return of
 
-    def _infer_operand(self, expr: s.Expr) -> ElementaryType | None:
+    def _infer_operand(self, expr: s.Expr) -> Type | None:
         if isinstance(expr, s.Literal):
             return _literal_type(expr, self._out)
+        if isinstance(expr, s.Name) and self._member(expr) is not None:
+            return self._member(expr)
         if isinstance(expr, s.Name | s.Direct):
             found = self._out.value_place(expr)
             return found[1] if found else None
@@ -93,7 +123,7 @@ class Expressions:
             return self._calls.infer(expr)
         return BOOL
 
-    def _infer_binary(self, expr: s.Binary, left: ElementaryType | None) -> ElementaryType | None:
+    def _infer_binary(self, expr: s.Binary, left: Type | None) -> Type | None:
         right = self.infer(expr.right)
         if left is None or right is None:
             return None
@@ -103,13 +133,13 @@ class Expressions:
                                    f"{expr.op} does not fit {left.name} and {right.name}",
                                    _conversion_hint(left, right))
             return None
-        return BOOL if expr.op in COMPARISON else of
+        return result_type(expr.op, of, right)
 
-    def _infer_unary(self, expr: s.Unary) -> ElementaryType | None:
+    def _infer_unary(self, expr: s.Unary) -> Type | None:
         of = self.infer(expr.operand)
         return of if of is not None and self._fits(expr, of) else None
 
-    def _fits(self, expr: s.Unary | s.Binary, of: ElementaryType) -> bool:
+    def _fits(self, expr: s.Unary | s.Binary, of: Type) -> bool:
         """Whether an operator works on a type; a mistake goes to the report."""
         if expr.op in COMPARISON or of.kind in _KINDS[expr.op]:
             return True
@@ -118,10 +148,10 @@ class Expressions:
 
     # ------------------------------------------------------------ code
 
-    def emit(self, expr: s.Expr, target: ElementaryType) -> bool:
+    def emit(self, expr: s.Expr, target: Type) -> bool:
         """Push the value of an expression as a type; False after a reported mistake."""
         # Operators lean to the left, so a long sum is a deep tree: go down it in a loop.
-        chain: list[tuple[s.Binary, ElementaryType, ElementaryType, ElementaryType]] = []
+        chain: list[tuple[s.Binary, Type, Type, Type]] = []
         while isinstance(expr, s.Binary):
             types = self._binary_types(expr, target)
             if types is None:
@@ -133,17 +163,44 @@ class Expressions:
             right = self.infer(binary.right)
             good = right is not None \
                 and self.emit(binary.right, second_type(binary.op, common, right)) and good
-            self._out.emit(operation(binary.op, common), None, binary.span)
+            self._apply(binary, common)
             self.convert(of, wanted, binary.span)
         return good
 
+    def _apply(self, binary: s.Binary, common: Type) -> None:
+        if isinstance(common, StringType):
+            compare_strings(self._out, binary.op, common, binary.span)
+        else:
+            self._out.emit(operation(binary.op, common), None, binary.span)
+
+    def _member(self, expr: s.Name) -> EnumType | None:
+        """Return the enumeration that a name is a value of, if no variable has the name."""
+        if len(expr.parts) != 1 or self._out.scope.find(expr.head.upper()) is not None:
+            return None
+        found = self._out.scope.lookup(expr)
+        return found[1] if found is not None and isinstance(found[1], EnumType) else None
+
+    def _push_subscript(self, expr: s.Expr) -> None:
+        of = self.infer(expr)
+        if of is None:
+            return
+        if of.kind not in ("int", "uint", "literal") or of is REAL_LITERAL:
+            self.report.error("P0023", expr.span, f"a subscript is an integer, not {of.name}")
+            return
+        natural = default_type(expr, of)
+        if self.emit(expr, natural):
+            self.convert(natural, LINT, expr.span)
+
     def _binary_types(self, expr: s.Binary,
-                      target: ElementaryType) -> tuple[ElementaryType, ElementaryType] | None:
+                      target: Type) -> tuple[Type, Type] | None:
         """Return the types of a result and of the operands; None after a reported mistake."""
         of, left, right = self.infer(expr), self.infer(expr.left), self.infer(expr.right)
         if of is None or left is None or right is None:
             return None
         common = operand_type(expr.op, left, right)
+        if of.kind == "literal" and not isinstance(target, ElementaryType):
+            self._widens(expr, of, target)
+            return None
         if of.kind == "literal":
             of = common = target
             if not self._takes_literal(expr, left, right, target):
@@ -154,30 +211,26 @@ class Expressions:
             common = default_type(expr, common)
         return (of, common) if common is not None else None
 
-    def _takes_literal(self, expr: s.Binary, left: ElementaryType, right: ElementaryType,
-                       target: ElementaryType) -> bool:
+    def _takes_literal(self, expr: s.Binary, left: Type, right: Type,
+                       target: Type) -> bool:
         if target.kind != "float" and REAL_LITERAL in (left, right):
             return self._widens(expr, REAL_LITERAL, target)
         return self._widens(expr, INT_LITERAL, target) if target.kind not in _NUMERIC \
             else self._fits(expr, target)
 
-    def _widens(self, expr: s.Expr, of: ElementaryType, target: ElementaryType) -> bool:
+    def _widens(self, expr: s.Expr, of: Type, target: Type) -> bool:
         if widens(of, target):
             return True
         self._out.report.error("P0023", expr.span, f"{of.name} where {target.name} is expected",
                                _conversion_hint(of, target))
         return False
 
-    def _emit_operand(self, expr: s.Expr, target: ElementaryType) -> bool:
+    def _emit_operand(self, expr: s.Expr, target: Type) -> bool:
         of = self.infer(expr)
         if of is None:
             return False
-        if _is_constant(expr):
-            if of.kind != "literal" and not self._widens(expr, of, target):
-                return False
-            value = constant_value(expr, target, self._out.report)
-            self._out.emit("const", (target.machine, value), expr.span)
-            return value is not None
+        if _is_constant(expr) or (isinstance(expr, s.Name) and self._member(expr) is not None):
+            return self._emit_constant(expr, of, target)
         if of.kind == "literal" and isinstance(expr, s.Call):
             of = target if target.kind in _NUMERIC else default_type(expr, of)
             if not self._widens(expr, of, target):
@@ -193,7 +246,23 @@ class Expressions:
         self.convert(of, target, expr.span)
         return good
 
-    def _emit_natural(self, expr: s.Expr, of: ElementaryType) -> bool:
+    def _emit_constant(self, expr: s.Expr, of: Type, target: Type) -> bool:
+        if of.kind != "literal" and not self._widens(expr, of, target):
+            return False
+        if not isinstance(target, ElementaryType | StringType):
+            return self._widens(expr, of, target)
+        kept = of if isinstance(of, StringType) else target
+        value = constant_value(expr, kept, self._out.report, self._out.scope.lookup)
+        if value is None:
+            return False
+        if isinstance(kept, StringType):
+            place = self._out.functions.allocate(kept.pack(value))
+            self._out.emit("addr", ("memory", place), expr.span)
+        else:
+            self._out.emit("const", (target.machine, value), expr.span)
+        return True
+
+    def _emit_natural(self, expr: s.Expr, of: Type) -> bool:
         out = self._out
         if isinstance(expr, s.Name | s.Direct):
             found = out.value_place(expr)
@@ -211,7 +280,67 @@ class Expressions:
         out.emit("call", expr.function, expr.span)
         return True
 
-    def emit_natural(self, expr: s.Expr) -> ElementaryType | None:
+    def push_variable(self, argument: s.Argument, field: Field) -> bool:
+        """Push the address of the variable that a VAR_IN_OUT stands for."""
+        assert field.target is not None
+        if not isinstance(argument.value, s.Name | s.Direct):
+            self.report.error("P0024", argument.span,
+                              f"{field.name} is VAR_IN_OUT and takes a variable")
+            return False
+        place = self._out.place(argument.value)
+        if place is None:
+            return False
+        if place.base == "local" or place.read_only:
+            why = place.read_only or "it is VAR_TEMP"
+            self.report.error("P0024", argument.span,
+                              f"{place.name} cannot be VAR_IN_OUT: {why}")
+            return False
+        if not (widens(place.type, field.target) and widens(field.target, place.type)):
+            self.report.error("P0023", argument.span, f"{field.name} is {field.target.name}, "
+                              f"{place.name} is {place.type.name}")
+            return False
+        self._out.push_address(place, argument.span)
+        return True
+
+    def take_output(self, argument: s.Argument, place: Place, block: BlockType) -> None:
+        """Put an output of the block at a place into the variable that an argument names."""
+        field = block.fields.get(argument.name.upper())
+        if field is None or field.section != "VAR_OUTPUT":
+            known = [f.name for f in block.fields.values() if f.section == "VAR_OUTPUT"]
+            self.report.error("P0026", argument.span, f"{block.name} has no output "
+                              f"{argument.name!r}", f"its outputs are {', '.join(known)}")
+            return
+        if not isinstance(argument.value, s.Name | s.Direct):
+            self.report.error("P0024", argument.value.span, "an output goes into a variable")
+            return
+        target = self.writable(argument.value)
+        if target is None:
+            return
+        if argument.negated and field.type.kind not in ("bool", "bits"):
+            self.report.error("P0023", argument.span, f"NOT does not fit {field.type.name}")
+            return
+        if not widens(field.type, target[1]):
+            self.report.error("P0023", argument.span, f"output {field.name} is "
+                              f"{field.type.name}, {target[0].name} is {target[1].name}")
+            return
+        source = replace(place, offset=place.offset + field.offset, type=field.type)
+        self._out.load(source, root(field.type), argument.span)
+        if argument.negated:
+            self._out.emit(f"not.{field.type.machine}", None, argument.span)
+        self.convert(field.type, target[1], argument.span)
+        self._out.store(target[0], target[1], argument.span)
+
+    def writable(self, node: s.Name | s.Direct,
+                 of_chart: bool = False) -> tuple[Place, Type] | None:
+        """Return the place of a variable that may be written; a mistake goes to the report."""
+        found = self._out.value_place(node)
+        if found and found[0].read_only and not of_chart:
+            self.report.error("P0024", node.span,
+                              f"{found[0].name} cannot be written: {found[0].read_only}")
+            return None
+        return found
+
+    def emit_natural(self, expr: s.Expr) -> Type | None:
         """Push the value of an expression in its own type and return it."""
         of = self.infer(expr)
         if of is None:
@@ -219,13 +348,20 @@ class Expressions:
         of = default_type(expr, of)
         return of if self.emit(expr, of) else None
 
-    def convert(self, source: ElementaryType, target: ElementaryType, span: Span) -> None:
+    def convert(self, source: Type, target: Type, span: Span) -> None:
         """Convert the value on the stack."""
         if source.machine != target.machine:
             self._out.emit(f"to.{source.machine}.{target.machine}", None, span)
 
 
-def default_type(expr: s.Expr, of: ElementaryType) -> ElementaryType:
+def compare_strings(out: Emitter, op: str, of: StringType, span: Span) -> None:
+    """Compare the two strings whose addresses are on the stack."""
+    out.emit("builtin", f"string.compare.{'w' if of.wide else 's'}", span)
+    out.emit("const", ("i64", 0), span)
+    out.emit(f"{COMPARISON[op]}.i64", None, span)
+
+
+def default_type(expr: s.Expr, of: Type) -> Type:
     """Return the type that literals take where nothing around them asks for one."""
     if of is REAL_LITERAL:
         return REAL
@@ -254,18 +390,26 @@ def _is_constant(expr: s.Expr) -> bool:
     return isinstance(expr, s.Literal)
 
 
-def _literal_type(expr: s.Literal, out: Emitter) -> ElementaryType | None:
+def _literal_type(expr: s.Literal, out: Emitter) -> Type | None:
+    if expr.kind == "string" and expr.type.endswith("#"):
+        found = out.scope.lookup(expr)
+        if found is None:
+            out.report.error("P0020", expr.span, f"there is no {expr.type}{expr.value}")
+            return None
+        return found[1]
     if expr.kind == "string":
-        out.report.error("P0090", expr.span, "strings and enumerations are not supported yet")
-        return None
-    if expr.kind == "time":
-        return TIME
+        return StringType(max(1, len(str(expr.value))), expr.type == "WSTRING")
+    if expr.kind in ("time", "date", "tod", "dt"):
+        return TIME if expr.kind == "time" else ELEMENTARY[_DATE_TYPES[expr.kind]]
     if expr.type:
         return ELEMENTARY[expr.type]
     return {"int": INT_LITERAL, "real": REAL_LITERAL, "bool": BOOL}[expr.kind]
 
 
-def _conversion_hint(source: ElementaryType, target: ElementaryType) -> str:
+_DATE_TYPES = {"date": "DATE", "tod": "TIME_OF_DAY", "dt": "DATE_AND_TIME"}
+
+
+def _conversion_hint(source: Type, target: Type) -> str:
     if "literal" in (source.kind, target.kind) or source == target:
         return ""
     if source.kind in ("int", "uint", "float", "bits") and target.kind in ("int", "uint", "float"):

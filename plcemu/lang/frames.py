@@ -13,16 +13,34 @@ class Functions:
     Args:
         blocks: the functions' layouts.
         begin: where the first frame begins in memory.
+        bases: where the program instances before it begin.
     """
 
-    def __init__(self, blocks: Iterable[BlockType], begin: int) -> None:
+    def __init__(self, blocks: Iterable[BlockType], begin: int,
+                 bases: Iterable[int] = ()) -> None:
         self._blocks: dict[str, BlockType] = {}
         self._frames: dict[str, int] = {}
         self.end = begin
+        self.bases = tuple(bases)
+        self._constants: dict[bytes, int] = {}
+        self.initial: list[tuple[int, bytes]] = []
         for block in blocks:
             self._blocks[block.name.upper()] = block
             self._frames[block.name.upper()] = self.end
             self.end += block.size
+
+    def allocate(self, data: bytes) -> int:
+        """Return the place of constant bytes in memory, behind the frames."""
+        if data not in self._constants:
+            self._constants[data] = self.temporary(len(data))
+            self.initial.append((self._constants[data], data))
+        return self._constants[data]
+
+    def temporary(self, size: int) -> int:
+        """Return the place of fresh bytes that the code may write, such as a string's."""
+        place = self.end
+        self.end += -(-size // 8) * 8
+        return place
 
     def block(self, name: str) -> BlockType | None:
         """Return the layout of a user's function, or None if there is none of that name."""

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 from plcemu.base.types import ELEMENTARY, ElementaryType
 from plcemu.lang import syntax as s
-from plcemu.lang.types import BOOL, DINT, LREAL, REAL, REAL_LITERAL, common_type
+from plcemu.lang.types import BOOL, DINT, LREAL, REAL, REAL_LITERAL, Type, common_type
 
 if TYPE_CHECKING:
     from plcemu.lang.expressions import Expressions
 
 Arguments = Sequence[s.Expr]
 Rewrite = Callable[[s.Call, Arguments], s.Expr]
-Infer = Callable[["Expressions", s.Call, Arguments], ElementaryType | None]
-Emit = Callable[["Expressions", s.Call, Arguments, ElementaryType], bool]
+Infer = Callable[["Expressions", s.Call, Arguments], Type | None]
+Emit = Callable[["Expressions", s.Call, Arguments, Type], bool]
 
 MANY = 64
 """The largest number of arguments of an extensible function."""
@@ -89,11 +89,11 @@ def _operators() -> list[Standard]:
 # ---------------------------------------------------------------- numeric functions
 
 
-def _wrong(ex: Expressions, call: s.Call, of: ElementaryType, expected: str) -> None:
+def _wrong(ex: Expressions, call: s.Call, of: Type, expected: str) -> None:
     ex.report.error("P0023", call.span, f"{call.name} takes {expected}, not {of.name}")
 
 
-def _infer_number(ex: Expressions, call: s.Call, arguments: Arguments) -> ElementaryType | None:
+def _infer_number(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
     of = ex.infer(arguments[0])
     if of is None or of.kind in ("int", "uint", "float", "literal"):
         return of
@@ -101,7 +101,7 @@ def _infer_number(ex: Expressions, call: s.Call, arguments: Arguments) -> Elemen
     return None
 
 
-def _infer_real(ex: Expressions, call: s.Call, arguments: Arguments) -> ElementaryType | None:
+def _infer_real(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
     """An integer becomes the REAL that holds it without loss."""
     of = ex.infer(arguments[0])
     if of is None or of.kind == "float":
@@ -116,7 +116,7 @@ def _infer_real(ex: Expressions, call: s.Call, arguments: Arguments) -> Elementa
 
 
 def _emit_unary(op: str) -> Emit:
-    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
         good = ex.emit(arguments[0], of)
         if of.kind != "uint" or op != "abs":
             ex.out.emit(f"{op}.{of.machine}", None, call.span)
@@ -124,7 +124,7 @@ def _emit_unary(op: str) -> Emit:
     return emit
 
 
-def _emit_expt(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+def _emit_expt(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
     second = ex.infer(arguments[1])
     if second is None or not ex.emit(arguments[0], of):
         return False
@@ -151,7 +151,7 @@ def _numeric() -> list[Standard]:
 # ---------------------------------------------------------------- bit shifts
 
 
-def _infer_bits(ex: Expressions, call: s.Call, arguments: Arguments) -> ElementaryType | None:
+def _infer_bits(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
     of = ex.infer(arguments[0])
     if of is None or of.kind == "bits":
         return of
@@ -160,7 +160,7 @@ def _infer_bits(ex: Expressions, call: s.Call, arguments: Arguments) -> Elementa
 
 
 def _emit_shift(op: str) -> Emit:
-    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
         if not ex.emit(arguments[0], of):
             return False
         good = ex.emit(arguments[1], DINT)
@@ -177,10 +177,10 @@ def _shifts() -> list[Standard]:
 # ---------------------------------------------------------------- selection
 
 
-def _common_of(first: int) -> Infer:
+def _common_of(first: int, ordered: bool = True) -> Infer:
     """The type of a selection is the common type of what it selects from."""
-    def infer(ex: Expressions, call: s.Call, arguments: Arguments) -> ElementaryType | None:
-        found: ElementaryType | None = None
+    def infer(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
+        found: Type | None = None
         for each in arguments[first:]:
             of = ex.infer(each)
             if of is None:
@@ -192,11 +192,15 @@ def _common_of(first: int) -> Infer:
                                 f"{found.name} and {of.name}")
                 return None
             found = joined
+        if ordered and not isinstance(found, ElementaryType):
+            assert found is not None
+            _wrong(ex, call, found, "values that have an order")
+            return None
         return found
     return infer
 
 
-def _into_local(ex: Expressions, expr: s.Expr, of: ElementaryType) -> int:
+def _into_local(ex: Expressions, expr: s.Expr, of: Type) -> int:
     number = ex.out.new_local(of.machine)
     if ex.emit(expr, of):
         ex.out.emit("set", number, expr.span)
@@ -205,7 +209,7 @@ def _into_local(ex: Expressions, expr: s.Expr, of: ElementaryType) -> int:
 
 def _emit_best(op: str) -> Emit:
     """MAX and MIN: keep the better of the one so far and the next."""
-    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
         best = _into_local(ex, arguments[0], of)
         for each in arguments[1:]:
             other = _into_local(ex, each, of)
@@ -216,7 +220,7 @@ def _emit_best(op: str) -> Emit:
     return emit
 
 
-def _choose(ex: Expressions, op: str, first: int, second: int, of: ElementaryType,
+def _choose(ex: Expressions, op: str, first: int, second: int, of: Type,
             call: s.Call) -> None:
     """Push the first local if it compares so with the second, else the second."""
     for number in (first, second, first, second):
@@ -225,7 +229,7 @@ def _choose(ex: Expressions, op: str, first: int, second: int, of: ElementaryTyp
     ex.out.emit("select", of.machine, call.span)
 
 
-def _emit_limit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+def _emit_limit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
     low, value, high = (_into_local(ex, each, of) for each in arguments)
     _choose(ex, "gt", value, low, of, call)
     ex.out.emit("set", value, call.span)
@@ -233,13 +237,13 @@ def _emit_limit(ex: Expressions, call: s.Call, arguments: Arguments, of: Element
     return not ex.report.has_errors
 
 
-def _emit_sel(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+def _emit_sel(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
     good = ex.emit(arguments[2], of) and ex.emit(arguments[1], of) and ex.emit(arguments[0], BOOL)
     ex.out.emit("select", of.machine, call.span)
     return good
 
 
-def _emit_mux(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+def _emit_mux(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
     """Push the input that K names; outside the inputs the nearest one."""
     key = _into_local(ex, arguments[0], DINT)
     good = ex.emit(arguments[1], of)
@@ -260,8 +264,8 @@ def _selection() -> list[Standard]:
         Standard("MAX", ("IN1", "IN2"), True, None, _common_of(0), _emit_best("gt")),
         Standard("MIN", ("IN1", "IN2"), True, None, _common_of(0), _emit_best("lt")),
         Standard("LIMIT", ("MN", "IN", "MX"), False, None, _common_of(0), _emit_limit),
-        Standard("SEL", ("G", "IN0", "IN1"), False, None, _common_of(1), _emit_sel),
-        Standard("MUX", ("K", "IN0", "IN1"), True, None, _common_of(1), _emit_mux),
+        Standard("SEL", ("G", "IN0", "IN1"), False, None, _common_of(1, False), _emit_sel),
+        Standard("MUX", ("K", "IN0", "IN1"), True, None, _common_of(1, False), _emit_mux),
     ]
 
 
@@ -269,20 +273,20 @@ def _selection() -> list[Standard]:
 
 
 def _converted(source: str, target: str) -> Emit:
-    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
         origin = ELEMENTARY[source] if source else ex.emit_natural(arguments[0])
         if origin is None or (source and not ex.emit(arguments[0], origin)):
             return False
-        if origin.kind == "bits" and of.kind == "float" and origin.bits == of.bits:
-            ex.out.emit(f"to.{origin.machine}.{of.machine}", None, call.span)
-        else:
-            ex.convert(origin, of, call.span)
+        if not isinstance(origin, ElementaryType):
+            _wrong(ex, call, origin, "a single value")
+            return False
+        ex.convert(origin, of, call.span)
         return True
     return emit
 
 
 def _truncated(target: str) -> Emit:
-    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: ElementaryType) -> bool:
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
         origin = ex.infer(arguments[0])
         origin = REAL if origin is None or origin.kind != "float" else origin
         good = ex.emit(arguments[0], origin)
@@ -292,7 +296,7 @@ def _truncated(target: str) -> Emit:
 
 
 def _fixed(target: str) -> Infer:
-    def infer(ex: Expressions, call: s.Call, arguments: Arguments) -> ElementaryType | None:
+    def infer(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
         return None if ex.infer(arguments[0]) is None else ELEMENTARY[target]
     return infer
 

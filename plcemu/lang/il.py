@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from plcemu.base.errors import did_you_mean
 from plcemu.lang import syntax as s
 from plcemu.lang.cursor import RESERVED, Cursor, NestedTooDeeply, SyntaxFailure
-from plcemu.lang.st import parse_arguments
+from plcemu.lang.st import name_from, parse_arguments
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,12 +191,7 @@ def _operand(cursor: Cursor, op: str) -> s.Expr:
     if first.kind != "name" or first.upper in RESERVED:
         raise cursor.failure(f"a variable or literal after {op}")
     cursor.advance()
-    parts, span = [first.text], first.span
-    while cursor.at(".") and cursor.peek().kind == "name":
-        cursor.advance()
-        span = span.to(cursor.token.span)
-        parts.append(cursor.advance().text)
-    return s.Name(span, tuple(parts))
+    return name_from(cursor, first)
 
 
 def _with_value(cursor: Cursor, head: s.Instruction) -> s.Instruction:

@@ -63,5 +63,5 @@ def _takes(each: s.Instruction, at_end: bool) -> bool | None:
 
 def _next(each: s.Instruction, n: int, labels: dict[str, int], end: int) -> int:
     if each.op == "JMP" and isinstance(each.operand, s.Name):
-        return labels.get(each.operand.parts[0].upper(), end)
+        return labels.get(each.operand.head.upper(), end)
     return n + 1

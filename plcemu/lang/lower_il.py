@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plcemu.base.spans import Span
-from plcemu.base.types import ElementaryType
 from plcemu.ir.program import Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
@@ -25,7 +24,7 @@ from plcemu.lang.expressions import (
 )
 from plcemu.lang.il_flow import find_blocks, find_labels, find_wanted, is_jump
 from plcemu.lang.lower_st import Statements
-from plcemu.lang.types import BOOL, Place, widens
+from plcemu.lang.types import BOOL, Place, Type, widens
 
 
 @dataclass(slots=True)
@@ -40,7 +39,7 @@ class _Result:
     """
 
     where: str = "none"
-    type: ElementaryType = BOOL
+    type: Type = BOOL
     literal: s.Expr | None = None
     local: int = -1
 
@@ -147,7 +146,7 @@ class InstructionList:
             self._fail()
         return self._result.where != "unknown"
 
-    def _to_stack(self, span: Span, target: ElementaryType | None = None) -> ElementaryType | None:
+    def _to_stack(self, span: Span, target: Type | None = None) -> Type | None:
         """Push the current result, perhaps widened; None after a reported mistake."""
         if not self._is_there(span):
             return None
@@ -166,7 +165,7 @@ class InstructionList:
         self._result = _Result("stack", of)
         return of
 
-    def _to_local(self, span: Span) -> ElementaryType | None:
+    def _to_local(self, span: Span) -> Type | None:
         """Move the current result to a local, from where it can be taken more than once."""
         if self._result.where == "local":
             return self._result.type
@@ -180,7 +179,7 @@ class InstructionList:
         self._result = _Result("local", of, None, self._spills[key])
         return of
 
-    def _taken(self, wanted: bool, span: Span) -> ElementaryType | None:
+    def _taken(self, wanted: bool, span: Span) -> Type | None:
         """Push the current result for one use, keeping it if it is wanted later."""
         kept = self._result
         if not wanted or kept.where in ("none", "unknown"):
@@ -215,10 +214,10 @@ class InstructionList:
 
     def _jump(self, each: s.Instruction, wanted: bool) -> None:
         assert isinstance(each.operand, s.Name)
-        target = self._labels.get(each.operand.parts[0].upper())
+        target = self._labels.get(each.operand.head.upper())
         if target is None:
             self._out.report.error("P0040", each.operand.span,
-                                   f"there is no label {each.operand.parts[0]!r}")
+                                   f"there is no label {each.operand.head!r}")
         elif not each.conditional:
             self._enter_from(target, each.span)
             self._forget(each.span)
@@ -330,7 +329,7 @@ class InstructionList:
             self._out.emit("or.bool" if each.op == "S" else "and.bool", None, each.span)
             self._out.store(place, of, each.span)
 
-    def _plain_store(self, each: s.Instruction, place: Place, of: ElementaryType,
+    def _plain_store(self, each: s.Instruction, place: Place, of: Type,
                      wanted: bool) -> None:
         if self._result.where == "literal":
             assert self._result.literal is not None
@@ -367,8 +366,8 @@ class InstructionList:
             else:
                 self._fail()
 
-    def _common(self, each: s.Instruction, left: ElementaryType,
-                right: ElementaryType) -> ElementaryType | None:
+    def _common(self, each: s.Instruction, left: Type,
+                right: Type) -> Type | None:
         """Return the type in which an operator works; None after a reported mistake."""
         common = operand_type(_plain(each), left, right)
         if common is None:
@@ -376,10 +375,10 @@ class InstructionList:
                                    f"{right.name}")
         elif common.kind == "literal":
             literals = [x for x in (self._result.literal, each.operand) if x is not None]
-            return max((default_type(x, common) for x in literals), key=lambda of: of.bits)
+            return max((default_type(x, common) for x in literals), key=lambda of: of.size)
         return common
 
-    def _apply(self, each: s.Instruction, common: ElementaryType) -> None:
+    def _apply(self, each: s.Instruction, common: Type) -> None:
         op = _plain(each)
         if each.negated:
             self._out.emit(f"not.{common.machine}", None, each.span)
@@ -409,7 +408,7 @@ class InstructionList:
             self._slip_under(left, common, second, each.span)
         self._apply(each, common)
 
-    def _nested(self, each: s.Instruction, left: _Result | None) -> ElementaryType | None:
+    def _nested(self, each: s.Instruction, left: _Result | None) -> Type | None:
         """Push what the instructions between the parentheses leave, and return its type."""
         assert each.nested is not None
         wanted = find_wanted(each.nested, {}, True)
@@ -424,7 +423,7 @@ class InstructionList:
         self._depth -= 1
         return right
 
-    def _literal_target(self, left: _Result | None) -> ElementaryType | None:
+    def _literal_target(self, left: _Result | None) -> Type | None:
         """Return the type that a literal alone in a parenthesis takes from the left operand."""
         if left is None or self._result.type.kind != "literal" or left.type.kind == "time":
             return None
@@ -432,7 +431,7 @@ class InstructionList:
             return default_type(left.literal, left.type)
         return left.type
 
-    def _slip_under(self, left: _Result, common: ElementaryType, second: ElementaryType,
+    def _slip_under(self, left: _Result, common: Type, second: Type,
                     span: Span) -> None:
         """Bring the left operand, as the common type, under the right one on the stack."""
         kept = self._out.new_local(second.machine)

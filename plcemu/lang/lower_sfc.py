@@ -70,9 +70,9 @@ class Chart:
             sound = False
         for transition in body.transitions:
             for name in transition.sources + transition.targets:
-                if name.parts[0].upper() not in steps:
-                    hint = did_you_mean(name.parts[0], [x.name for x in body.steps])
-                    self._report.error("P0050", name.span, f"there is no step {name.parts[0]!r}",
+                if name.head.upper() not in steps:
+                    hint = did_you_mean(name.head, [x.name for x in body.steps])
+                    self._report.error("P0050", name.span, f"there is no step {name.head!r}",
                                        hint.removeprefix("; "))
                     sound = False
         self._unique(body)
@@ -89,7 +89,7 @@ class Chart:
 
     def _reachable(self, body: s.SfcBody, steps: dict[str, s.Step]) -> None:
         """Warn of steps that no way from an initial step leads to."""
-        missing = [{n.parts[0].upper() for n in t.sources} for t in body.transitions]
+        missing = [{n.head.upper() for n in t.sources} for t in body.transitions]
         leaving: dict[str, list[int]] = {}
         for n, sources in enumerate(missing):
             for key in sources:
@@ -101,7 +101,7 @@ class Chart:
             for n in leaving.get(key, ()):
                 missing[n].discard(key)
                 if not missing[n]:
-                    new = {x.parts[0].upper() for x in body.transitions[n].targets} - reached
+                    new = {x.head.upper() for x in body.transitions[n].targets} - reached
                     reached |= new
                     pending += new
         for key, step in steps.items():
@@ -192,11 +192,11 @@ def _evolve(body: s.SfcBody, conditions: list[str]) -> tuple[s.Statement, ...]:
     statements: list[s.Statement] = []
     for n, transition in ranked:
         span = transition.span
-        sources = [name.parts[0] for name in transition.sources]
+        sources = [name.head for name in transition.sources]
         enabled: list[s.Expr] = [_name(span, source, "X") for source in sources]
         enabled += [s.Unary(span, "NOT", _name(span, f"__off_{source}")) for source in sources]
         fire = [_set(span, f"__off_{source}") for source in sources]
-        fire += [_set(span, f"__on_{target.parts[0]}") for target in transition.targets]
+        fire += [_set(span, f"__on_{target.head}") for target in transition.targets]
         fires = s.If(span, ((s.Evaluate(span, conditions[n]), tuple(fire)),))
         statements.append(s.If(span, ((_all(enabled, span), (fires,)),)))
     return tuple(statements)

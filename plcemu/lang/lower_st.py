@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from plcemu.base.errors import did_you_mean
@@ -11,8 +12,8 @@ from plcemu.base.types import ElementaryType
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.expressions import Expressions
-from plcemu.lang.scope import constant_value
-from plcemu.lang.types import BOOL, BlockType, Place, widens
+from plcemu.lang.constants import constant_value
+from plcemu.lang.types import BOOL, BlockType, Place, Type, root
 
 
 class Statements:
@@ -43,19 +44,16 @@ class Statements:
         if self.expressions.emit(statement.value, target[1]):
             self.out.store(target[0], target[1], statement.span)
 
-    def writable(self, node: s.Name | s.Direct) -> tuple[Place, ElementaryType] | None:
+    def writable(self, node: s.Name | s.Direct) -> tuple[Place, Type] | None:
         """Return the place of a variable that may be written; a mistake goes to the report."""
-        found = self.out.value_place(node)
-        if found and found[0].read_only and not self._of_chart:
-            self.out.report.error("P0024", node.span,
-                                  f"{found[0].name} cannot be written: {found[0].read_only}")
-            return None
-        return found
+        return self.expressions.writable(node, self._of_chart)
 
     # ------------------------------------------------------------ calls
 
     def invoke(self, call: s.Invoke) -> None:
         """Call a function block instance: inputs in, body, outputs out (IEC 61131-3, 2.5.2)."""
+        if self._is_function(call):
+            return
         place = self.out.place(call.instance)
         if place is None:
             return
@@ -65,14 +63,25 @@ class Statements:
                                   f"{call.instance} is not a function block instance")
             return
         self._inputs(call, place, block)
-        self.out.emit("addr", (place.base, place.offset), call.span)
+        self.out.push_address(place, call.span)
         self.out.emit("call", block.name.upper(), call.span)
         for argument in call.arguments:
             if argument.is_output:
-                self._output(argument, place, block)
+                self.expressions.take_output(argument, place, block)
+
+    def _is_function(self, call: s.Invoke) -> bool:
+        """Call a function as a statement, whose value nobody takes, if the name is one's."""
+        name = call.instance
+        if len(name.parts) != 1 or self.out.scope.find(name.head.upper()) is not None \
+                or self.out.functions.block(name.head) is None:
+            return False
+        value = s.Call(call.span, name.head, call.arguments)
+        if self.expressions.emit_natural(value) is not None:
+            self.out.emit("drop", None, call.span)
+        return True
 
     def _inputs(self, call: s.Invoke, place: Place, block: BlockType) -> None:
-        inputs = [f for f in block.fields.values() if f.section == "VAR_INPUT"]
+        inputs = [f for f in block.fields.values() if f.section in ("VAR_INPUT", "VAR_IN_OUT")]
         given = [a for a in call.arguments if not a.is_output]
         informal = [a for a in given if not a.name]
         if informal and len(informal) != len(given):
@@ -87,7 +96,7 @@ class Statements:
         for n, argument in enumerate(given):
             name = argument.name or inputs[n].name
             field = block.fields.get(name.upper())
-            if field is None or field.section != "VAR_INPUT":
+            if field is None or field not in inputs:
                 known = [f.name for f in inputs]
                 hint = did_you_mean(name, known).removeprefix("; ")
                 self.out.report.error("P0026", argument.span, f"{block.name} has no input {name!r}",
@@ -97,39 +106,12 @@ class Statements:
                 self.out.report.error("P0026", argument.span, f"input {name!r} is given twice")
                 continue
             seen.add(name.upper())
-            assert isinstance(field.type, ElementaryType)
-            if self.expressions.emit(argument.value, field.type):
-                target = Place(place.base, place.offset + field.offset, field.type)
-                self.out.store(target, field.type, argument.span)
-
-    def _output(self, argument: s.Argument, place: Place, block: BlockType) -> None:
-        field = block.fields.get(argument.name.upper())
-        if field is None or field.section != "VAR_OUTPUT":
-            known = [f.name for f in block.fields.values() if f.section == "VAR_OUTPUT"]
-            self.out.report.error("P0026", argument.span,
-                                  f"{block.name} has no output {argument.name!r}",
-                                  f"its outputs are {', '.join(known)}")
-            return
-        if not isinstance(argument.value, s.Name | s.Direct):
-            self.out.report.error("P0024", argument.value.span, "an output goes into a variable")
-            return
-        target = self.writable(argument.value)
-        assert isinstance(field.type, ElementaryType)
-        if target is None:
-            return
-        if argument.negated and field.type.kind not in ("bool", "bits"):
-            self.out.report.error("P0023", argument.span, f"NOT does not fit {field.type.name}")
-            return
-        if not widens(field.type, target[1]):
-            self.out.report.error("P0023", argument.span, f"output {field.name} is "
-                                  f"{field.type.name}, {target[0].name} is {target[1].name}")
-            return
-        self.out.load(Place(place.base, place.offset + field.offset, field.type), field.type,
-                      argument.span)
-        if argument.negated:
-            self.out.emit(f"not.{field.type.machine}", None, argument.span)
-        self.expressions.convert(field.type, target[1], argument.span)
-        self.out.store(target[0], target[1], argument.span)
+            target = replace(place, offset=place.offset + field.offset, type=field.type)
+            good = self.expressions.push_variable(argument, field) \
+                if field.section == "VAR_IN_OUT" \
+                else self.expressions.emit(argument.value, field.type)
+            if good:
+                self.out.store(target, root(field.type), argument.span)
 
     def run_action(self, statement: s.RunAction) -> None:
         """Run an action's body on this instance."""
@@ -160,9 +142,9 @@ class Statements:
         of = self.expressions.emit_natural(statement.selector)
         if of is None:
             return
-        if of.kind not in ("int", "uint"):
+        if not isinstance(of, ElementaryType) or of.kind not in ("int", "uint", "bits", "enum"):
             self.out.report.error("P0023", statement.selector.span,
-                                  f"CASE selects by an integer, not by {of.name}")
+                                  f"CASE selects by an integer or an enumeration, not by {of.name}")
             return
         selector, end = Place("local", self.out.new_local(of.machine), of), self.out.new_label()
         self.out.store(selector, of, statement.selector.span)
@@ -183,7 +165,7 @@ class Statements:
         bounds = [(low, "eq")] if low is high else [(low, "ge"), (high, "le")]
         for expr, op in bounds:
             self.out.load(selector, of, expr.span)
-            value = constant_value(expr, of, self.out.report)
+            value = constant_value(expr, of, self.out.report, self.out.scope.lookup)
             self.out.emit("const", (of.machine, value), expr.span)
             self.out.emit(f"{op}.{of.machine}", None, expr.span)
         if low is not high:
@@ -196,7 +178,7 @@ class Statements:
         if found is None:
             return
         place, of = found
-        if of.kind not in ("int", "uint"):
+        if not isinstance(of, ElementaryType) or of.kind not in ("int", "uint"):
             self.out.report.error("P0023", statement.control.span,
                                   f"FOR counts an integer, not {of.name}")
             return

@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
-from plcemu.base.areas import SIZES, Address, parse_address
+from plcemu.base.areas import SIZES, Address
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
-from plcemu.base.types import ELEMENTARY, ElementaryType, Value
-from plcemu.ir.program import ImageExtent
+from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
 from plcemu.lang import syntax as s
+from plcemu.lang.constants import NotConstant, fold
 from plcemu.lang.cursor import NESTING_LIMIT
+from plcemu.lang.image import Image, name_key, read_address
 from plcemu.lang.report import Report
-from plcemu.lang.types import CLOCK, BlockType, Place, Type, step_type, widens
+from plcemu.lang.typebuilder import STRING_LENGTH, TypeBuilder
+from plcemu.lang.types import (
+    BOOL,
+    CLOCK,
+    ArrayType,
+    BlockType,
+    EnumType,
+    Place,
+    Type,
+    root,
+    step_type,
+    widens,
+)
 
-MEMORY_LIMIT = 1_000_000
+MEMORY_LIMIT = 8_000_000
 """Bytes that the variables of one POU's instance may take."""
 
-_GAP = 64
-"""Unused elements between two used ones that still share an extent of the image."""
+GLOBAL = "__GLOBAL"
+"""The name under which the global variables have their scope."""
+
+POINTER = ELEMENTARY["UDINT"]
+"""What a VAR_IN_OUT holds: the address of the variable it stands for."""
 
 
 @dataclass(slots=True)
@@ -30,7 +46,7 @@ class Located:
     type: ElementaryType
     address: Address
     offset: int
-    initial: Value | None = None
+    initial: bytes | None = None
 
 
 @dataclass(slots=True)
@@ -45,73 +61,105 @@ class Scope:
         temporaries: VAR_TEMP variables: names in capitals to declarations; each function that the
             POU becomes holds them as locals.
         unused: variables not yet read or written, by name in capitals.
+        constants: values of CONSTANT variables, by name in capitals.
+        parent: the global scope, or None.
+        members: names of enumerations.
     """
 
     pou: s.Pou
     type: BlockType
+    members: dict[str, tuple[EnumType, int]]
+    parent: Scope | None = None
     places: dict[str, Place] = field(default_factory=dict)
     located: list[Located] = field(default_factory=list)
     temporaries: dict[str, tuple[s.Variable, ElementaryType]] = field(default_factory=dict)
     unused: dict[str, s.Variable] = field(default_factory=dict)
+    constants: dict[str, tuple[Value, ElementaryType]] = field(default_factory=dict)
 
+    def find(self, key: str) -> Place | None:
+        """Return the place of a name in capitals, here or among the global variables."""
+        self.unused.pop(key, None)
+        place = self.places.get(key)
+        if place is None and self.parent is not None:
+            return self.parent.find(key)
+        return place
 
-class Image:
-    """The stretches of the process image that a program uses, at the start of memory."""
+    def lookup(self, node: s.Name | s.Literal) -> tuple[Value, ElementaryType] | None:
+        """Return the value and type of a named constant or a value of an enumeration."""
+        if isinstance(node, s.Literal):
+            return self._typed_member(node)
+        if len(node.parts) != 1:
+            return None
+        key = node.head.upper()
+        found = self.constants.get(key)
+        if found is None and key not in self.places:
+            found = self.parent.constants.get(key) if self.parent is not None else None
+            if found is None and self.find(key) is None and key in self.members:
+                of, value = self.members[key]
+                return value, of
+        return found
 
-    def __init__(self, addresses: Iterable[Address]) -> None:
-        used: dict[str, list[int]] = {}
-        for address in addresses:
-            used.setdefault(address.area, []).append(address.index)
-        self.extents: list[ImageExtent] = []
-        self.size = 0
-        for area in sorted(used):
-            for first, last in _runs(sorted(set(used[area])), area[1] == "X"):
-                width = SIZES[area[1]]
-                self.size = -(-self.size // width) * width
-                self.extents.append(ImageExtent(area, first, last - first + 1, self.size))
-                self.size += (last - first + 1) * width
-
-    def offset(self, address: Address) -> int:
-        """Return where an address stands in memory; it must be one given to the constructor."""
-        for extent in self.extents:
-            if extent.area == address.area and 0 <= address.index - extent.first < extent.count:
-                return extent.offset + (address.index - extent.first) * SIZES[address.area[1]]
-        raise KeyError(str(address))
-
-
-def _runs(indices: list[int], bits: bool) -> list[tuple[int, int]]:
-    """Join sorted indices into (first, last) runs; runs of bits begin and end at whole bytes."""
-    runs: list[tuple[int, int]] = []
-    for index in indices:
-        first, last = (index // 8 * 8, index // 8 * 8 + 7) if bits else (index, index)
-        if runs and first - runs[-1][1] <= _GAP:
-            runs[-1] = (runs[-1][0], max(last, runs[-1][1]))
-        else:
-            runs.append((first, last))
-    return runs
+    def _typed_member(self, node: s.Literal) -> tuple[Value, ElementaryType] | None:
+        """Return the value of `TYPE#NAME`, which the lexer gives as text with its type."""
+        if not node.type.endswith("#"):
+            return None
+        for key, (of, _) in self.members.items():
+            if of.name.upper() == node.type[:-1] and key:
+                members = {name.upper(): value for name, value in of.members}
+                value = members.get(str(node.value).upper())
+                if value is not None:
+                    return value, of
+        return None
 
 
 class Declarations:
-    """Builds the scope of every POU, the blocks it contains first.
+    """Builds the scope of every POU, the types and blocks it uses first.
 
     Args:
-        pous: of the library and of the user.
+        units: the library's and the user's declarations.
         image: where located variables stand.
         report: takes the mistakes.
     """
 
-    def __init__(self, pous: Iterable[s.Pou], image: Image, report: Report) -> None:
-        self._image = image
-        self._report = report
+    def __init__(self, units: Iterable[s.Unit], image: Image, report: Report) -> None:
+        self._image, self._report = image, report
         self._pous: dict[str, s.Pou] = {}
-        self.scopes: dict[str, Scope] = {}
+        self._types: dict[str, s.TypeDeclaration] = {}
+        self._built: dict[str, Type | None] = {}
         self._open: list[str] = []
-        for pou in pous:
-            key = pou.name.upper()
-            if key in self._pous or key in ELEMENTARY:
-                report.error("P0021", pou.span, f"there is another POU or type {pou.name!r}")
-            else:
-                self._pous[key] = pou
+        self.members: dict[str, tuple[EnumType, int]] = {}
+        self.scopes: dict[str, Scope] = {}
+        variables: list[s.Variable] = []
+        for unit in units:
+            for type_ in unit.types:
+                self._declare(type_)
+            for pou in unit.pous:
+                self._declare(pou)
+            variables += unit.globals
+        self.globals = self._build_globals(variables)
+
+    def _declare(self, declared: s.Pou | s.TypeDeclaration) -> None:
+        key = declared.name.upper()
+        if key in self._pous or key in self._types or key in ELEMENTARY:
+            self._report.error("P0021", declared.span,
+                               f"there is another POU or type {declared.name!r}")
+        elif isinstance(declared, s.Pou):
+            self._pous[key] = declared
+        else:
+            self._types[key] = declared
+
+    def _build_globals(self, variables: list[s.Variable]) -> Scope:
+        """Build the scope of the global variables, which stand right behind the image."""
+        base = -(-self._image.size // 8) * 8
+        for declaration in self._types.values():
+            if isinstance(declaration.spec, s.EnumSpec):
+                self.find_type(declaration.name, declaration.span)
+        span = variables[0].span if variables else next(iter(self._pous.values())).span
+        pou = s.Pou(span, "GLOBAL", GLOBAL, tuple(variables), s.StBody(span, ()))
+        scope = ScopeBuilder(self, pou, None, self._image, self._report).build()
+        scope.places = {key: replace(p, base="memory", offset=base + p.offset)
+                        if p.base == "this" else p for key, p in scope.places.items()}
+        return scope
 
     def scope(self, name: str) -> Scope | None:
         """Return the scope of a POU, building it first; None if it contains itself."""
@@ -119,45 +167,75 @@ class Declarations:
         if key in self.scopes:
             return self.scopes[key]
         pou = self._pous[key]
-        if key in self._open:
-            chain = " contains ".join([*self._open[self._open.index(key):], key])
-            self._report.error("P0060", pou.span, f"{pou.name} contains itself: {chain}")
+        if not self._enter(key, pou.name, pou.span):
             return None
-        if len(self._open) >= NESTING_LIMIT:
-            self._report.error("P0014", pou.span, f"function blocks contain each other more than "
-                               f"{NESTING_LIMIT} levels deep")
-            return None
-        self._open.append(key)
-        scope = _Builder(self, pou, self._image, self._report).build()
+        scope = ScopeBuilder(self, pou, self.globals, self._image, self._report).build()
         self._open.pop()
         self.scopes[key] = scope
         return scope
+
+    def _enter(self, key: str, name: str, span: Span) -> bool:
+        if key in self._open:
+            chain = " contains ".join([*self._open[self._open.index(key):], key])
+            self._report.error("P0060", span, f"{name} contains itself: {chain}")
+            return False
+        if len(self._open) >= NESTING_LIMIT:
+            self._report.error("P0014", span, f"function blocks contain each other more than "
+                               f"{NESTING_LIMIT} levels deep")
+            return False
+        self._open.append(key)
+        return True
 
     def find_type(self, name: str, span: Span) -> Type | None:
         """Return the type of that name; a mistake goes to the report."""
         key = name.upper()
         if key in ELEMENTARY:
             return ELEMENTARY[key]
+        if key in ("STRING", "WSTRING"):
+            return StringType(STRING_LENGTH, key == "WSTRING")
         if key == CLOCK.name:
             return CLOCK
+        if key in self._types:
+            return self._declared_type(key)
         if key in self._pous and self._pous[key].kind == "FUNCTION_BLOCK":
             scope = self.scope(key)
             return scope.type if scope else None
-        known = [*ELEMENTARY, *(p.name for p in self._pous.values() if p.kind != "PROGRAM")]
+        known = [*ELEMENTARY, *(t.name for t in self._types.values()),
+                 *(p.name for p in self._pous.values() if p.kind == "FUNCTION_BLOCK")]
         self._report.error("P0022", span, f"there is no type {name!r}",
                            did_you_mean(name, known).removeprefix("; "))
         return None
 
+    def _declared_type(self, key: str) -> Type | None:
+        if key not in self._built:
+            declaration = self._types[key]
+            if not self._enter(key, declaration.name, declaration.span):
+                return None
+            self._built[key] = self.builder(None).alias(declaration)
+            self._open.pop()
+        return self._built[key]
 
-class _Builder:
+    def builder(self, scope: Scope | None) -> TypeBuilder:
+        """Return a builder of types that knows a scope's constants."""
+        if scope is None:
+            empty = s.Pou(next(iter(self._pous.values())).span, "GLOBAL", GLOBAL, (), s.StBody(
+                next(iter(self._pous.values())).span, ()))
+            scope = getattr(self, "globals", None) or Scope(empty, BlockType(GLOBAL, "GLOBAL"),
+                                                            self.members)
+        return TypeBuilder(self.find_type, scope.lookup, self.members, self._report)
+
+
+class ScopeBuilder:
     """Builds one scope."""
 
-    def __init__(self, declarations: Declarations, pou: s.Pou, image: Image,
+    def __init__(self, declarations: Declarations, pou: s.Pou, parent: Scope | None, image: Image,
                  report: Report) -> None:
         self._declarations, self._image, self._report = declarations, image, report
-        self.scope = Scope(pou, BlockType(pou.name, pou.kind))
+        self.scope = Scope(pou, BlockType(pou.name, pou.kind), declarations.members, parent)
+        self._types = declarations.builder(self.scope)
 
     def build(self) -> Scope:
+        """Return the scope with all its names."""
         for variable in self.scope.pou.variables:
             self._variable(variable)
         body = self.scope.pou.body
@@ -177,56 +255,96 @@ class _Builder:
         if key in self.scope.places or key in self.scope.temporaries:
             self._twice(key, variable.name, variable.span)
             return
-        of = self._declarations.find_type(variable.type, variable.type_span)
-        if of is None:
-            self.scope.places[key] = Place("unknown", 0, ELEMENTARY["BOOL"], variable.name)
+        of = self._types.type(variable.type)
+        if of is None or not self._may_stand(variable, of):
+            self.scope.places[key] = Place("unknown", 0, of or BOOL, variable.name)
             return
-        initial = self._initial(variable, of)
-        if isinstance(of, BlockType) and (variable.section != "VAR"
-                                          or self.scope.pou.kind == "FUNCTION"):
-            self._report.error("P0090", variable.span,
-                               f"function blocks in {variable.section} of a "
-                               f"{self.scope.pou.kind} are not supported yet")
-            self.scope.places[key] = Place("unknown", 0, of, variable.name)
+        if variable.section == "VAR_EXTERNAL":
+            self._external(variable, of)
             return
-        if variable.section == "VAR_TEMP":
-            assert isinstance(of, ElementaryType)
+        if variable.section == "VAR_IN_OUT":
+            made = self.scope.type.add(variable.name, POINTER, section="VAR_IN_OUT", target=of)
+            self.scope.places[key] = Place("pointer", 0, of, variable.name, "", (), made.offset)
+            return
+        if variable.section == "VAR_TEMP" and isinstance(of, ElementaryType):
             self.scope.temporaries[key] = (variable, of)
             return
-        read_only = "it is CONSTANT" if variable.constant else ""
+        initial = None if variable.initial is None else self._types.initial(variable.initial, of)
+        if variable.constant:
+            self._constant(key, variable, of)
         if variable.address:
             self._located(variable, of, initial)
             return
+        self._add(key, variable, of, initial)
+
+    def _add(self, key: str, variable: s.Variable, of: Type, initial: bytes | None) -> None:
+        read_only = "it is CONSTANT" if variable.constant else ""
         made = self.scope.type.add(variable.name, of, section=variable.section, initial=initial,
-                                   constant=variable.constant)
+                                   constant=variable.constant, retain=variable.retain)
         self.scope.places[key] = Place("this", made.offset, of, variable.name, read_only)
         if variable.section == "VAR" and not variable.constant:
             self.scope.unused[key] = variable
 
+    def _may_stand(self, variable: s.Variable, of: Type) -> bool:
+        """Whether a variable of a type may stand in its section; a mistake goes to the report."""
+        kind = self.scope.pou.kind
+        is_block = isinstance(of, BlockType) and of.kind == "FUNCTION_BLOCK"
+        if is_block and (kind == "FUNCTION" or variable.section not in (
+                "VAR", "VAR_IN_OUT", "VAR_GLOBAL", "VAR_EXTERNAL")):
+            self._report.error("P0090", variable.span, f"function blocks in {variable.section} of "
+                               f"a {kind} are not supported yet")
+            return False
+        if variable.section == "VAR_TEMP" and not isinstance(of, ElementaryType):
+            self._report.error("P0090", variable.span,
+                               f"{of.name} in VAR_TEMP is not supported yet; declare it in VAR")
+            return False
+        return True
+
+    def _external(self, variable: s.Variable, of: Type) -> None:
+        key = name_key(variable.name)
+        place = self.scope.parent.find(key) if self.scope.parent is not None else None
+        if place is None:
+            known = list(self.scope.parent.places) if self.scope.parent is not None else []
+            self._report.error("P0020", variable.span,
+                               f"there is no global variable {variable.name!r}",
+                               did_you_mean(variable.name, known).removeprefix("; "))
+            place = Place("unknown", 0, of, variable.name)
+        elif place.base != "unknown" and not (widens(place.type, of) and widens(of, place.type)):
+            self._report.error("P0023", variable.span, f"the global variable {variable.name!r} is "
+                               f"{place.type.name}, not {of.name}")
+        read_only = "it is CONSTANT" if variable.constant else place.read_only
+        self.scope.places[key] = replace(place, read_only=read_only)
+
+    def _constant(self, key: str, variable: s.Variable, of: Type) -> None:
+        """Remember the value of a constant, for the expressions that must be known beforehand."""
+        if not isinstance(of, ElementaryType) or variable.initial is None \
+                or isinstance(variable.initial, s.ListValue | s.FieldValues):
+            return
+        try:
+            self.scope.constants[key] = (fold(variable.initial, self.scope.lookup), of)
+        except NotConstant:
+            return  # reported when the initial value was made
+
     def _twice(self, key: str, name: str, span: Span) -> None:
         """Report a second declaration; which one is meant is not known from here on."""
         self._report.error("P0021", span, f"{name!r} is declared twice")
-        self.scope.places[key] = Place("unknown", 0, ELEMENTARY["BOOL"], name)
+        self.scope.places[key] = Place("unknown", 0, BOOL, name)
         self.scope.temporaries.pop(key, None)
 
-    def _initial(self, variable: s.Variable, of: Type) -> Value | None:
-        if variable.initial is None:
-            return None
-        if isinstance(of, BlockType):
-            self._report.error("P0090", variable.initial.span,
-                               "initial values of function block instances are not supported yet")
-            return None
-        return constant_value(variable.initial, of, self._report)
-
-    def _located(self, variable: s.Variable, of: Type, initial: Value | None) -> None:
+    def _located(self, variable: s.Variable, of: Type, initial: bytes | None) -> None:
         key, span = name_key(variable.name), variable.address_span
-        if self.scope.pou.kind != "PROGRAM":
-            self._report.error("P0030", span, "only a PROGRAM's variables can have an address")
+        if self.scope.pou.kind not in ("PROGRAM", "GLOBAL"):
+            self._report.error("P0030", span,
+                               "only a PROGRAM's and global variables can have an address")
         address = read_address(variable.address, span, self._report)
+        of = root(of)
         if address is None or not isinstance(of, ElementaryType):
             self.scope.places[key] = Place("unknown", 0, of, variable.name)
             if address is not None:
-                self._report.error("P0031", span, "a function block instance has no address")
+                code, what = ("P0090", "arrays and strings with an address are not supported yet") \
+                    if isinstance(of, ArrayType | StringType) \
+                    else ("P0031", "a function block instance has no address")
+                self._report.error(code, span, what)
             return
         bits = 1 if address.area[1] == "X" else 8 * SIZES[address.area[1]]
         if of.bits != bits:
@@ -270,74 +388,11 @@ def _steps_whose_time_is_read(body: s.SfcBody) -> set[str]:
     while pending:
         node = pending.pop()
         if isinstance(node, s.Name):
-            if len(node.parts) == 2 and node.parts[1].upper() == "T":
-                found.add(node.parts[0].upper())
+            if len(node.parts) == 2 and str(node.parts[1]).upper() == "T":
+                found.add(node.head.upper())
+            pending.extend(part for part in node.parts if isinstance(part, tuple))
         elif isinstance(node, tuple):
             pending.extend(node)
         elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Span):
             pending.extend(getattr(node, name) for name in node.__dataclass_fields__)
     return found
-
-
-def name_key(name: str) -> str:
-    """Return a name as scopes know it: in capitals, a direct address in its usual form."""
-    try:
-        return str(parse_address(name)) if name.startswith("%") else name.upper()
-    except ValueError:
-        return name.upper()
-
-
-def read_address(text: str, span: Span, report: Report) -> Address | None:
-    """Read an address; a mistake goes to the report."""
-    try:
-        return parse_address(text)
-    except ValueError as problem:
-        report.error("P0030", span, str(problem))
-        return None
-
-
-def addresses_in(tokens: Iterable[object]) -> list[Address]:
-    """Return the valid addresses among tokens; mistakes are reported where they are used."""
-    found = []
-    for token in tokens:
-        if getattr(token, "kind", "") == "direct":
-            try:
-                found.append(parse_address(str(getattr(token, "text", ""))))
-            except ValueError:
-                continue
-    return found
-
-
-def constant_value(expr: s.Expr, of: ElementaryType, report: Report) -> Value | None:
-    """Return a literal's value as the nearest one of a type; mistakes go to the report."""
-    sign, literal = 1, expr
-    while isinstance(literal, s.Unary) and literal.op == "NEG":
-        sign, literal = -sign, literal.operand
-    if not isinstance(literal, s.Literal):
-        report.error("P0027", expr.span, "a literal is expected here")
-        return None
-    if not literal_fits(literal, of):
-        report.error("P0023", expr.span, f"a {literal.type or literal.kind} literal is no value of "
-                     f"type {of.name}")
-        return None
-    value = literal.value
-    assert not isinstance(value, str)
-    try:
-        return of.unpack(of.pack(bool(value) if of.kind == "bool" else sign * value))
-    except ValueError as problem:
-        report.error("P0025", expr.span, str(problem))
-        return None
-
-
-_LITERAL_KINDS: Mapping[str, tuple[str, ...]] = {
-    "int": ("int", "uint", "bits", "float", "bool"), "real": ("float",), "time": ("time",),
-    "bool": ("bool",), "string": ()}
-
-
-def literal_fits(literal: s.Literal, of: ElementaryType) -> bool:
-    """Whether a literal can be of a type, apart from its range."""
-    if literal.type and literal.type in ELEMENTARY and literal.kind != "time":
-        return widens(ELEMENTARY[literal.type], of)
-    if literal.kind == "int" and of.kind == "bool":
-        return literal.value in (0, 1)
-    return of.kind in _LITERAL_KINDS[literal.kind]

@@ -88,23 +88,35 @@ def _primary(cursor: Cursor) -> s.Expr:
     name = parse_name(cursor, "an expression")
     if cursor.at("(") and len(name.parts) == 1:
         arguments = parse_arguments(cursor)
-        return s.Call(name.span.to(cursor.previous.span), name.parts[0], arguments)
-    if cursor.at("["):
-        cursor.report.error("P0090", name.span, "array elements are not supported yet")
-        raise SyntaxFailure
+        return s.Call(name.span.to(cursor.previous.span), name.head, arguments)
     return name
 
 
 def parse_name(cursor: Cursor, what: str) -> s.Name:
-    """Parse a variable's name with its fields."""
-    first = cursor.identifier(what)
-    parts, span = [first.text], first.span
-    while cursor.at(".") and cursor.peek().kind == "name":
-        cursor.advance()
-        field = cursor.advance()
-        parts.append(field.text)
-        span = span.to(field.span)
-    return s.Name(span, tuple(parts))
+    """Parse a variable's name with its fields and subscripts."""
+    return name_from(cursor, cursor.identifier(what))
+
+
+def name_from(cursor: Cursor, first: Token) -> s.Name:
+    """Parse the fields and subscripts that follow a name."""
+    parts: list[str | tuple[s.Expr, ...]] = [first.text]
+    while True:
+        if cursor.at(".") and cursor.peek().kind == "name":
+            cursor.advance()
+            parts.append(cursor.advance().text)
+        elif cursor.at("["):
+            cursor.advance()
+            parts.append(_subscripts(cursor))
+        else:
+            return s.Name(first.span.to(cursor.previous.span), tuple(parts))
+
+
+def _subscripts(cursor: Cursor) -> tuple[s.Expr, ...]:
+    subscripts = [parse_expression(cursor)]
+    while cursor.accept(","):
+        subscripts.append(parse_expression(cursor))
+    cursor.expect("]", "to close the subscript", "P0011")
+    return tuple(subscripts)
 
 
 def parse_arguments(cursor: Cursor) -> tuple[s.Argument, ...]:

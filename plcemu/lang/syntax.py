@@ -21,13 +21,19 @@ class Literal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Name:
-    """A variable, perhaps with fields: `t1.Q` is ("t1", "Q")."""
+    """A variable, perhaps with fields and subscripts: `a[i].Q` is ("a", (i,), "Q")."""
 
     span: Span
-    parts: tuple[str, ...]
+    parts: tuple[str | tuple[Expr, ...], ...]
+
+    @property
+    def head(self) -> str:
+        """The first part, which is always a name."""
+        assert isinstance(self.parts[0], str)
+        return self.parts[0]
 
     def __str__(self) -> str:
-        return ".".join(self.parts)
+        return "".join(f".{p}" if isinstance(p, str) else "[...]" for p in self.parts)[1:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -284,12 +290,97 @@ Body = IlBody | StBody | SfcBody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class NamedType:
+    """A type by its name."""
+
+    span: Span
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StringSpec:
+    """`STRING[n]` or `WSTRING[n]`; without a length it is the standard's default."""
+
+    span: Span
+    wide: bool
+    length: Expr | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubrangeSpec:
+    """`INT (low .. high)`."""
+
+    span: Span
+    base: str
+    low: Expr
+    high: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EnumSpec:
+    """`(RED, GREEN := 5, BLUE)`."""
+
+    span: Span
+    members: tuple[tuple[str, Expr | None, Span], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArraySpec:
+    """`ARRAY [low .. high, ...] OF element`."""
+
+    span: Span
+    ranges: tuple[tuple[Expr, Expr], ...]
+    element: TypeSpec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StructSpec:
+    """`STRUCT fields END_STRUCT`."""
+
+    span: Span
+    fields: tuple[Variable, ...]
+
+
+TypeSpec = NamedType | StringSpec | SubrangeSpec | EnumSpec | ArraySpec | StructSpec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ListValue:
+    """`[1, 2, 3(0)]`: initial values of an array as (how often, value)."""
+
+    span: Span
+    items: tuple[tuple[Expr | None, InitialValue | None], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldValues:
+    """`(a := 1, b := 2)`: initial values of a structure or a function block instance."""
+
+    span: Span
+    items: tuple[tuple[str, InitialValue, Span], ...]
+
+
+InitialValue = Expr | ListValue | FieldValues
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TypeDeclaration:
+    """`name : spec := initial` between TYPE and END_TYPE."""
+
+    span: Span
+    name: str
+    spec: TypeSpec
+    initial: InitialValue | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Variable:
     """One declared variable.
 
     Attributes:
-        section: `VAR`, `VAR_INPUT`, `VAR_OUTPUT` or `VAR_TEMP`.
-        type: the type's name as written.
+        section: `VAR`, `VAR_INPUT`, `VAR_OUTPUT`, `VAR_IN_OUT`, `VAR_TEMP`, `VAR_EXTERNAL`,
+            `VAR_GLOBAL`, or `RESULT` for the value of a function.
+        type: as written.
         initial: the initial value, if written.
         address: the location after AT, as written, or empty.
     """
@@ -297,9 +388,8 @@ class Variable:
     span: Span
     name: str
     section: str
-    type: str
-    type_span: Span
-    initial: Expr | None
+    type: TypeSpec
+    initial: InitialValue | None
     address: str
     address_span: Span
     constant: bool = False
@@ -318,3 +408,43 @@ class Pou:
     name: str
     variables: tuple[Variable, ...]
     body: Body
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TaskDeclaration:
+    """`TASK name (INTERVAL := ..., PRIORITY := ...)`."""
+
+    span: Span
+    name: str
+    settings: tuple[tuple[str, Expr, Span], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProgramInstance:
+    """`PROGRAM name WITH task : type`."""
+
+    span: Span
+    name: str
+    task: str
+    type: str
+    type_span: Span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Configuration:
+    """A CONFIGURATION with its resource's tasks and program instances."""
+
+    span: Span
+    name: str
+    tasks: tuple[TaskDeclaration, ...]
+    programs: tuple[ProgramInstance, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unit:
+    """All that one text declares."""
+
+    pous: tuple[Pou, ...]
+    types: tuple[TypeDeclaration, ...]
+    globals: tuple[Variable, ...]
+    configurations: tuple[Configuration, ...]

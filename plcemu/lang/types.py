@@ -1,15 +1,20 @@
 """Types and places: what a name in a POU stands for.
 
-Elementary types come from `plcemu.base.types`. A block type is a layout of fields: of a function
-block, a program, a step or a clock cell.
+Elementary types come from `plcemu.base.types`; enumerations and subranges are elementary types with
+values or limits of their own. A block type is a layout of fields: of a structure, a function block, a
+program, a function's frame, a step or a clock cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from plcemu.base.types import ELEMENTARY, ElementaryType, Value
+from plcemu.base.types import ELEMENTARY, ElementaryType, StringType
+
+if TYPE_CHECKING:
+    from plcemu.lang.syntax import Expr
 
 INT_LITERAL = ElementaryType("integer literal", "literal", 0, 0, "", "")
 REAL_LITERAL = ElementaryType("real literal", "literal", 0, 0, "", "")
@@ -38,25 +43,122 @@ _WIDENS: dict[str, tuple[str, ...]] = {
 """Implicit conversions that lose nothing (3rd edition, figure 11), each in order of preference."""
 
 
+@dataclass(frozen=True, slots=True)
+class EnumType(ElementaryType):
+    """An enumeration: a DINT in memory with names for its values, the first of them the default."""
+
+    members: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def low(self) -> int:
+        """The smallest value that has a name."""
+        return min(value for _, value in self.members)
+
+    @property
+    def high(self) -> int:
+        """The largest value that has a name."""
+        return max(value for _, value in self.members)
+
+
+def enum_type(name: str, members: tuple[tuple[str, int], ...]) -> EnumType:
+    """Return an enumeration."""
+    return EnumType(name, "enum", 4, 32, "i", "i32", members)
+
+
+@dataclass(frozen=True, slots=True)
+class SubrangeType(ElementaryType):
+    """An integer type with narrower limits; in memory it is its base type."""
+
+    base: ElementaryType = INT
+    first: int = 0
+    last: int = 0
+    default: int | None = None
+
+    @property
+    def low(self) -> int:
+        """The lower limit."""
+        return self.first
+
+    @property
+    def high(self) -> int:
+        """The upper limit."""
+        return self.last
+
+    @property
+    def first_value(self) -> int:
+        """What a variable holds at first: the declared default, 0, or the lower limit."""
+        if self.default is not None:
+            return self.default
+        return 0 if self.first <= 0 <= self.last else self.first
+
+
+def subrange_type(name: str, base: ElementaryType, first: int, last: int) -> SubrangeType:
+    """Return a subrange of an integer type."""
+    return SubrangeType(name, base.kind, base.size, base.bits, base.code, base.machine, base,
+                        first, last)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayType:
+    """An array: its element type and the (lowest, highest) subscript of every dimension."""
+
+    name: str
+    element: Type
+    ranges: tuple[tuple[int, int], ...]
+    initial: bytes | None = None
+
+    kind = "array"
+    machine = "u32"
+
+    @property
+    def count(self) -> int:
+        """How many elements it has."""
+        product = 1
+        for low, high in self.ranges:
+            product *= high - low + 1
+        return product
+
+    @property
+    def stride(self) -> int:
+        """Bytes from one element to the next."""
+        unit = alignment(self.element)
+        return -(-self.element.size // unit) * unit
+
+    @property
+    def size(self) -> int:
+        """Bytes of the whole."""
+        return self.count * self.stride
+
+
 @dataclass(slots=True)
 class Field:
-    """A field of a block type, `offset` bytes after the instance's begin."""
+    """A field of a block type, `offset` bytes after the instance's begin.
+
+    A VAR_IN_OUT holds the address of its variable, whose type is `target`.
+    """
 
     name: str
     type: Type
     offset: int
     section: str = "VAR"
-    initial: Value | None = None
+    initial: bytes | None = None
     constant: bool = False
+    retain: bool = False
+    target: Type | None = None
+
+    @property
+    def bytes(self) -> bytes:
+        """What the field holds at first."""
+        return self.initial if self.initial is not None else default_bytes(self.type)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class BlockType:
     """A type with fields.
 
     Attributes:
         name: in the user's spelling.
-        kind: `PROGRAM`, `FUNCTION_BLOCK`, `STEP` or `CLOCK`.
+        kind: `PROGRAM`, `FUNCTION_BLOCK`, `FUNCTION`, `STRUCT`, `STEP`, `CLOCK` or `GLOBAL`.
         fields: by name in capitals, in order of declaration.
         size: bytes of an instance.
     """
@@ -66,9 +168,14 @@ class BlockType:
     fields: dict[str, Field] = field(default_factory=dict)
     size: int = 0
 
+    @property
+    def machine(self) -> str:
+        """The machine type of its address, by which it is handed on."""
+        return "u32"
+
     def add(self, name: str, of: Type, **details: object) -> Field:
-        """Append a field, aligned to its size, and return it."""
-        unit = of.size if isinstance(of, ElementaryType) else 8
+        """Append a field, aligned, and return it."""
+        unit = alignment(of)
         offset = -(-self.size // unit) * unit
         made = Field(name, of, offset, **details)  # type: ignore[arg-type]
         self.fields[name.upper()] = made
@@ -78,28 +185,80 @@ class BlockType:
     def visible(self, name: str) -> Field | None:
         """Return the field of that name that others may name: of a function block no local one."""
         found = self.fields.get(name.upper())
-        hidden = found is not None and self.kind == "FUNCTION_BLOCK" and found.section == "VAR"
+        hidden = found is not None and self.kind == "FUNCTION_BLOCK" \
+            and found.section in ("VAR", "VAR_IN_OUT")
         return None if hidden else found
 
-    def walk(self, prefix: str = "", base: int = 0) -> Iterator[tuple[str, int, Field]]:
-        """Yield (dotted name, offset, field) of every elementary field, nested ones included."""
-        for each in self.fields.values():
-            name, offset = f"{prefix}{each.name}", base + each.offset
-            if isinstance(each.type, BlockType):
-                yield from each.type.walk(name + ".", offset)
-            else:
-                yield name, offset, each
 
-    def clocks(self, base: int = 0) -> Iterator[tuple[int, BlockType]]:
-        """Yield (offset, holder) of every clock cell in an instance that begins at `base`."""
-        if self.kind in ("CLOCK", "STEP"):
-            yield base + self.fields["ELAPSED" if self.kind == "CLOCK" else "T"].offset, self
-        for each in self.fields.values():
-            if isinstance(each.type, BlockType):
-                yield from each.type.clocks(base + each.offset)
+Type = ElementaryType | StringType | ArrayType | BlockType
 
 
-Type = ElementaryType | BlockType
+def alignment(of: Type) -> int:
+    """Return the number of bytes that a value's place is a multiple of."""
+    if isinstance(of, ElementaryType):
+        return of.size
+    if isinstance(of, StringType):
+        return 2
+    return alignment(of.element) if isinstance(of, ArrayType) else 8
+
+
+def default_bytes(of: Type) -> bytes:
+    """Return what a variable of a type holds when no initial value is written."""
+    if isinstance(of, EnumType):
+        return of.pack(of.members[0][1])
+    if isinstance(of, SubrangeType):
+        return of.pack(of.first_value)
+    if isinstance(of, ArrayType):
+        return of.initial if of.initial is not None \
+            else default_bytes(of.element).ljust(of.stride, b"\0") * of.count
+    if not isinstance(of, BlockType):
+        return bytes(of.size)
+    block = bytearray(of.size)
+    for each in of.fields.values():
+        block[each.offset:each.offset + each.type.size] = each.bytes
+    return bytes(block)
+
+
+ELEMENT_TAGS = 1024
+"""Arrays with more elements have no tags for them."""
+
+
+def leaves(of: Type, name: str, offset: int) -> Iterator[tuple[str, int, ElementaryType | StringType]]:
+    """Yield (dotted name, offset, type) of every single value in a variable, hidden ones left out."""
+    if isinstance(of, ArrayType):
+        if of.count <= ELEMENT_TAGS:
+            for n, subscripts in enumerate(_subscripts(of.ranges)):
+                element = f"{name}[{','.join(map(str, subscripts))}]"
+                yield from leaves(of.element, element, offset + n * of.stride)
+    elif isinstance(of, BlockType):
+        for each in of.fields.values():
+            if not each.name.startswith("__") and each.section != "VAR_IN_OUT":
+                yield from leaves(each.type, f"{name}.{each.name}", offset + each.offset)
+    else:
+        yield name, offset, of
+
+
+def _subscripts(ranges: tuple[tuple[int, int], ...]) -> Iterator[tuple[int, ...]]:
+    if not ranges:
+        yield ()
+        return
+    low, high = ranges[0]
+    for first in range(low, high + 1):
+        for rest in _subscripts(ranges[1:]):
+            yield (first, *rest)
+
+
+def clocks(of: Type, offset: int) -> Iterator[tuple[int, BlockType]]:
+    """Yield (offset, holder) of every clock cell in a variable."""
+    if isinstance(of, ArrayType):
+        if any(True for _ in clocks(of.element, 0)):
+            for n in range(of.count):
+                yield from clocks(of.element, offset + n * of.stride)
+    elif isinstance(of, BlockType):
+        if of.kind in ("CLOCK", "STEP"):
+            yield offset + of.fields["ELAPSED" if of.kind == "CLOCK" else "T"].offset, of
+        for each in of.fields.values():
+            yield from clocks(each.type, offset + each.offset)
 
 
 def _cell(name: str, kind: str, elapsed: str, limit: str) -> BlockType:
@@ -123,15 +282,27 @@ def step_type(observed: bool) -> BlockType:
 
 
 @dataclass(frozen=True, slots=True)
+class Subscript:
+    """A subscript that is not known before the program runs."""
+
+    value: Expr
+    low: int
+    count: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """Where a value stands.
 
     Attributes:
-        base: `this`, `memory` or `local`.
+        base: `this`, `memory`, `local`, or `pointer` for what a cell of the instance points at.
         offset: in bytes; of a local its number.
         type: what stands there.
         name: in the user's spelling.
         read_only: why it cannot be written, or empty.
+        path: subscripts whose distances come on top.
+        cell: of a pointer, where in the instance it stands.
     """
 
     base: str
@@ -139,15 +310,30 @@ class Place:
     type: Type
     name: str = ""
     read_only: str = ""
+    path: tuple[Subscript, ...] = ()
+    cell: int = 0
 
 
-def widens(source: ElementaryType, target: ElementaryType) -> bool:
+def root(of: Type) -> Type:
+    """Return the type that a subrange narrows; other types themselves."""
+    return of.base if isinstance(of, SubrangeType) else of
+
+
+def widens(source: Type, target: Type) -> bool:
     """Whether a value of one type becomes one of the other without loss."""
+    source, target = root(source), root(target)
+    if isinstance(source, StringType) and isinstance(target, StringType):
+        return source.wide == target.wide
+    if isinstance(source, ArrayType) and isinstance(target, ArrayType):
+        return source.ranges == target.ranges and source.element == target.element
+    if not isinstance(source, ElementaryType) or not isinstance(target, ElementaryType):
+        return source is target
     return source == target or target.name in _WIDENS.get(source.name, ())
 
 
-def common_type(a: ElementaryType, b: ElementaryType) -> ElementaryType | None:
+def common_type(a: Type, b: Type) -> Type | None:
     """Return the type both operands take, or None; a literal takes the other's type."""
+    a, b = root(a), root(b)
     if a == b:
         return a
     for literal, other in ((a, b), (b, a)):
@@ -161,3 +347,7 @@ def common_type(a: ElementaryType, b: ElementaryType) -> ElementaryType | None:
         return a
     return next((ELEMENTARY[n] for n in _WIDENS.get(a.name, ()) if n in _WIDENS.get(b.name, ())),
                 None)
+
+
+Members = Mapping[str, tuple[EnumType, int]]
+"""The names of enumerations, in capitals, with their type and value."""
