@@ -73,6 +73,9 @@ def _section(cursor: Cursor) -> list[s.Variable]:
     variables: list[s.Variable] = []
     failed = False
     while not cursor.at("END_VAR"):
+        cursor.mend_closer()
+        if cursor.at("END_VAR"):
+            break
         if cursor.at_end() or cursor.at(*_POUS, *ELEMENTS, "END_PROGRAM", "END_FUNCTION_BLOCK"):
             # After a mistake the missing END_VAR is most likely the mistake itself.
             raise SyntaxFailure if failed else \

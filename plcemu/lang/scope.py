@@ -313,8 +313,7 @@ def constant_value(expr: s.Expr, of: ElementaryType, report: Report) -> Value | 
         report.error("P0027", expr.span, "a literal is expected here")
         return None
     if not literal_fits(literal, of):
-        report.error("P0023", expr.span, f"a {literal.type or literal.kind} literal is no value of "
-                     f"type {of.name}")
+        report.error("P0023", expr.span, f"this literal is no value of type {of.name}")
         return None
     value = literal.value
     assert not isinstance(value, str)
