@@ -16,7 +16,7 @@ NS_PER_S = 1_000_000_000
 UNITS_NS = {"d": 86_400 * NS_PER_S, "h": 3_600 * NS_PER_S, "m": 60 * NS_PER_S, "min": 60 * NS_PER_S,
             "s": NS_PER_S, "ms": 1_000_000, "us": 1_000, "µs": 1_000, "ns": 1}
 
-_PART = re.compile(r"(\d[\d_]*(?:\.\d+)?)\s*(ms|us|µs|ns|min|d|h|m|s)", re.IGNORECASE)
+_PART = re.compile(r"(\d[\d_]*(?:\.\d+)?)\s*(ms|us|µs|ns|min|d|h|m|s)", re.IGNORECASE | re.ASCII)
 _PREFIX = re.compile(r"(?:l?time|lt|t)#", re.IGNORECASE)
 
 

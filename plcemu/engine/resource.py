@@ -148,6 +148,10 @@ class Resource:
         """Return the first instant, not before another, at which a task is released."""
         return min(_first_release(state, not_before_ns) for state in self._tasks)
 
+    def last_release_ns(self, before_ns: int) -> int:
+        """Return the last instant before another at which a task is released; -1 if none is."""
+        return max(_last_release(state, before_ns) for state in self._tasks)
+
     def releases_between(self, first_ns: int, before_ns: int) -> int:
         """Return how many instants in [first, before) release a task."""
         if len(self._tasks) == 1:
@@ -234,6 +238,12 @@ def _is_due(state: _TaskState, t_ns: int) -> bool:
 def _first_release(state: _TaskState, not_before_ns: int) -> int:
     since = max(0, not_before_ns - state.task.phase_ns)
     return state.task.phase_ns + -(-since // state.interval_ns) * state.interval_ns
+
+
+def _last_release(state: _TaskState, before_ns: int) -> int:
+    since = before_ns - 1 - state.task.phase_ns
+    return state.task.phase_ns + since // state.interval_ns * state.interval_ns if since >= 0 \
+        else -1
 
 
 def _count_before(state: _TaskState, t_ns: int) -> int:

@@ -242,6 +242,8 @@ class Exchange:
         self.writers = set()
         if self._queue:
             waiting, self._queue = self._queue, []
+            # The image will hold what clients wrote, no longer what was published last.
+            self._last_raw = [b""] * len(self._extents)
             for write in waiting:
                 self._latch(write)
                 if write.area[0] == "I":

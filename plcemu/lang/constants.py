@@ -111,8 +111,7 @@ def _fits(expr: s.Expr, of: Type, report: Report, lookup: Lookup) -> bool:
                 continue
             pending += [each.right, each.left]
         elif isinstance(each, s.Name | s.Literal) and not _leaf_fits(each, of, lookup):
-            what = f"a {each.type.rstrip('#') or each.kind} literal" if isinstance(each, s.Literal) \
-                else str(each)
+            what = "this literal" if isinstance(each, s.Literal) else str(each)
             report.error("P0023", each.span, f"{what} is no value of type {of.name}")
             return False
     return True

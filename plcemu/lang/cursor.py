@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Collection
+from dataclasses import replace
 
 from plcemu.base.spans import Span
 from plcemu.lang.lexer import Token
@@ -19,6 +21,9 @@ RESERVED = frozenset((
     "ELSE", "END_IF", "CASE", "OF", "END_CASE", "FOR", "TO", "BY", "DO", "END_FOR", "WHILE",
     "END_WHILE", "REPEAT", "UNTIL", "END_REPEAT", "EXIT", "RETURN"))
 """Keywords that can be no name and at which recovery stops."""
+
+
+_CLOSERS = sorted(word for word in RESERVED if word.startswith("END_"))
 
 
 class SyntaxFailure(Exception):
@@ -80,8 +85,22 @@ class Cursor:
         """Step over the token if it is one of these."""
         return self.advance() if self.at(*texts) else None
 
+    def mend_closer(self) -> None:
+        """Take a misspelt `END_...` for the keyword that is meant; the mistake is reported."""
+        token = self.token
+        if token.kind != "name" or token.upper[:3] != "END" or token.upper in RESERVED \
+                or self.peek().text in (":=", "(", ".", ":", ","):
+            return
+        near = difflib.get_close_matches(token.upper, _CLOSERS, n=1, cutoff=0.8)
+        if near:
+            self.report.error("P0010", token.span, f"{token.text!r} closes nothing",
+                              f"did you mean {near[0]!r}?")
+            self._tokens[self._index] = replace(token, text=near[0])
+
     def expect(self, text: str, context: str = "", code: str = "P0010") -> Token:
         """Step over the token, which must be this one."""
+        if text in _CLOSERS:
+            self.mend_closer()
         if self.at(text):
             return self.advance()
         raise self.failure(f"{text!r}" + (f" {context}" if context else ""), code)

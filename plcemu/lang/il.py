@@ -57,7 +57,8 @@ def looks_like_il(cursor: Cursor) -> bool:
     """Whether a body that starts here is IL: no statement of ST begins like its first line."""
     token, following = cursor.token, cursor.peek()
     if token.kind == "name" and following.text == ":":
-        return True
+        third = cursor.peek(2)
+        return third.starts_line or third.upper in _SPELLINGS or third.upper in RESERVED
     if token.upper in _SPELLINGS:
         return following.text not in (":=", ".", "[", ";") or following.starts_line
     return _misspelt(cursor)
@@ -86,6 +87,7 @@ def _instructions(cursor: Cursor, closers: tuple[str, ...]) -> tuple[s.Instructi
     while not cursor.at_end() and not cursor.at(*closers):
         if cursor.accept(";"):
             continue
+        cursor.mend_closer()
         if cursor.token.kind == "name" and cursor.token.upper in RESERVED:
             break
         begin = cursor.index
@@ -202,9 +204,9 @@ def _with_value(cursor: Cursor, head: s.Instruction) -> s.Instruction:
     if "(" not in OPERATORS[head.op].modifiers:
         cursor.report.error("P0013", cursor.token.span, f"{head.op} takes no parenthesis")
         raise SyntaxFailure
-    cursor.advance()
     cursor.enter()
     try:
+        cursor.advance()
         nested = _nested(cursor, head)
     finally:
         cursor.leave()

@@ -151,12 +151,14 @@ def _digits(text: str) -> str:
 
 
 def _integer(text: str) -> tuple[str, int, str]:
-    if "#" not in text:
-        return "int", int(_digits(text)), ""
-    base, digits = text.split("#")
-    if base not in ("2", "8", "16"):
+    base, digits = text.split("#") if "#" in text else ("10", text)
+    if base not in ("2", "8", "10", "16"):
         raise ValueError("numbers are written to the base 2, 8, 10 or 16")
-    return "int", int(_digits(digits), int(base)), ""
+    digits = _digits(digits)
+    try:
+        return "int", int(digits, int(base)), ""
+    except ValueError:
+        raise ValueError(f"these are no digits of a whole number to the base {base}") from None
 
 
 def _real(text: str) -> tuple[str, float, str]:

@@ -96,8 +96,10 @@ class InstructionList:
         for n in range(begin, end):
             if instructions[n].op:
                 self._instruction(instructions[n], self._wanted[n + 1])
-        if begin == end or not is_jump(instructions[end - 1]):
-            self._leave_block(end, len(instructions), span)
+        if begin == end:
+            self._leave_block(end, end, span)
+        elif not is_jump(instructions[end - 1]):
+            self._leave_block(end, len(instructions), instructions[end - 1].span)
         code = self._out.code[before:]
         del self._out.code[before:]
         return code
@@ -277,6 +279,7 @@ class InstructionList:
             if self._depth:
                 self._out.report.error("P0013", each.span,
                                        f"no {each.op} can stand in a parenthesis")
+                self._fail()
                 return
             {"JMP": self._jump, "CAL": self._call, "RET": self._return}[each.op](each, wanted)
         elif each.op == "NOT":
@@ -315,13 +318,16 @@ class InstructionList:
     def _store(self, each: s.Instruction, wanted: bool) -> None:
         assert isinstance(each.operand, s.Name | s.Direct)
         found = self._statements.writable(each.operand)
-        if not self._is_there(each.span) or found is None:
+        there = self._is_there(each.span)
+        if found is None:
             return
         place, of = found
-        if each.op == "ST":
-            self._plain_store(each, place, of, wanted)
-        elif of != BOOL:
+        if each.op != "ST" and of != BOOL:
             self._out.report.error("P0023", each.span, f"{each.op} sets a BOOL, not {of.name}")
+        elif not there:
+            return
+        elif each.op == "ST":
+            self._plain_store(each, place, of, wanted)
         elif self._is_bool(each.span) and self._taken(wanted, each.span):
             if each.op == "R":
                 self._out.emit("not.bool", None, each.span)

@@ -76,7 +76,7 @@ class Chart:
                                        hint.removeprefix("; "))
                     sound = False
         self._unique(body)
-        if sound:
+        if not self._report.has_errors:
             self._reachable(body, steps)
         return sound
 

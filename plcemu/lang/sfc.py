@@ -41,9 +41,11 @@ def _step(cursor: Cursor) -> s.Step:
     name = cursor.identifier("the step's name")
     cursor.expect(":", "after the step's name")
     associations: list[s.Association] = []
+    cursor.mend_closer()
     while not cursor.at("END_STEP"):
         associations.append(_association(cursor))
         cursor.expect(";", "after the action block")
+        cursor.mend_closer()
     cursor.expect("END_STEP", code="P0011")
     cursor.accept(";")
     return s.Step(name.span, name.text, initial, tuple(associations))

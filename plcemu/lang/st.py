@@ -158,6 +158,9 @@ def parse_statements(cursor: Cursor, in_case: bool = False) -> tuple[s.Statement
     while not cursor.at_end() and not cursor.at(*_ENDS):
         if cursor.accept(";"):
             continue
+        cursor.mend_closer()
+        if cursor.at(*_ENDS):
+            break
         if in_case and _starts_case_label(cursor):
             break
         begin = cursor.index
@@ -170,29 +173,42 @@ def parse_statements(cursor: Cursor, in_case: bool = False) -> tuple[s.Statement
 
 def _skip_statement(cursor: Cursor, begin: int) -> None:
     """Skip the rest of a statement, with all that the compound statements in it hold."""
-    open_: list[str] = []
+    open_ = _Open()
     for token in cursor.since(begin):
-        _follow(open_, token)
+        open_.follow(token)
     while not cursor.at_end():
-        if not open_ and cursor.at(*_ENDS):
-            return
-        if cursor.at(*_ENDS) and not cursor.at("ELSE", "ELSIF", "UNTIL", *open_):
+        if cursor.at(*_ENDS) and not open_.takes(cursor.token):
             return
         token = cursor.advance()
-        _follow(open_, token)
-        if not open_ and token.text == ";":
+        open_.follow(token)
+        if not open_.closers and token.text == ";":
             return
 
 
-def _follow(open_: list[str], token: Token) -> None:
-    """Keep track of the keywords that will close what is open."""
-    if token.kind != "name":
-        return
-    if token.upper in _COMPOUNDS:
-        open_.append(_COMPOUNDS[token.upper])
-    elif token.upper in open_:
-        while open_.pop() != token.upper:
-            pass
+class _Open:
+    """The compound statements that are open while tokens are skipped, as their closing keywords."""
+
+    def __init__(self) -> None:
+        self.closers: list[str] = []
+        self._counts = dict.fromkeys(_COMPOUNDS.values(), 0)
+
+    def takes(self, token: Token) -> bool:
+        """Whether a keyword that ends statements belongs to one of the open ones."""
+        return bool(self.closers) and (token.upper in ("ELSE", "ELSIF", "UNTIL")
+                                       or self._counts.get(token.upper, 0) > 0)
+
+    def follow(self, token: Token) -> None:
+        """Open or close what a token opens or closes."""
+        if token.kind != "name":
+            return
+        if token.upper in _COMPOUNDS:
+            self.closers.append(_COMPOUNDS[token.upper])
+            self._counts[self.closers[-1]] += 1
+        while self._counts.get(token.upper, 0) > 0:
+            closed = self.closers.pop()
+            self._counts[closed] -= 1
+            if closed == token.upper:
+                break
 
 
 def _starts_case_label(cursor: Cursor) -> bool:

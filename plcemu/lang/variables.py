@@ -28,6 +28,9 @@ def parse_section(cursor: Cursor) -> list[s.Variable]:
     variables: list[s.Variable] = []
     failed = False
     while not cursor.at("END_VAR"):
+        cursor.mend_closer()
+        if cursor.at("END_VAR"):
+            break
         if cursor.at_end() or cursor.at(*_STOPS):
             # After a mistake the missing END_VAR is most likely the mistake itself.
             raise SyntaxFailure if failed else \

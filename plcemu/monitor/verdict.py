@@ -15,7 +15,8 @@ class Verdict(enum.StrEnum):
     Satisfied and violated are final: no continuation of the run changes them. *Presumably* says
     how the formula stands if the run ended at the cut: an obligation that is still unmet there,
     with its deadline to come or without one, makes it presumably violated; if none is unmet,
-    it is presumably satisfied.
+    it is presumably satisfied. There p U[a,b] q is two demands, p until a and p U[0,b-a] q from
+    then on; what is certain to come counts as met.
     """
 
     SATISFIED = "satisfied"

@@ -3,10 +3,10 @@
 import struct
 
 import pytest
+from controller import Controller, evaluate, findings, main
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller import Controller, evaluate, findings, main
 from plcemu.base.errors import CompileError
 from plcemu.lang.compile import compile_program
 

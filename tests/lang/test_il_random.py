@@ -1,10 +1,10 @@
 """Random Boolean IL bodies do what the standard's text says, jumps and parentheses included."""
 
+from controller import Controller, main
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from controller import Controller, main
 from il_oracle import Line, run, text
+
 from plcemu.ir.check import check_function
 from plcemu.ir.text import parse_functions, print_program
 from plcemu.lang.compile import compile_program

@@ -7,8 +7,8 @@ from controller import MS, Controller
 
 
 def chart(text, declared=""):
-    return Controller(f"PROGRAM MAIN VAR go, p, q, out : BOOL; n : INT; {declared} END_VAR\n{text}\n"
-                      "END_PROGRAM")
+    return Controller(f"PROGRAM MAIN VAR go, p, q, out : BOOL; n : INT; {declared} END_VAR\n"
+                      f"{text}\nEND_PROGRAM")
 
 
 TWO_STEPS = """
@@ -26,7 +26,7 @@ def two_steps(a="", b=""):
 
 def counts(controller, line):
     """Return n after each scan of a line of `go`."""
-    return [controller.diagram({"go": level}, []) and None or controller["n"] for level in line]
+    return [(controller.diagram({"go": level}, []) and None) or controller["n"] for level in line]
 
 
 # ---------------------------------------------------------------- the first scan and evolution
@@ -61,7 +61,8 @@ def test_one_transition_of_a_chain_fires_in_a_scan():
         INITIAL_STEP A: END_STEP STEP B: END_STEP STEP C: END_STEP
         TRANSITION FROM A TO B := TRUE; END_TRANSITION
         TRANSITION FROM B TO C := TRUE; END_TRANSITION""")
-    assert controller.lines(4, ["A.X", "B.X", "C.X"]) == {"A.X": "-___", "B.X": "_-__", "C.X": "__--"}
+    assert controller.lines(4, ["A.X", "B.X", "C.X"]) == {"A.X": "-___", "B.X": "_-__",
+                                                          "C.X": "__--"}
 
 
 def test_transitions_see_what_the_actions_of_the_scan_before_left():
@@ -284,7 +285,8 @@ def test_charts_in_function_blocks_run_for_each_instance():
             "INITIAL_STEP A: END_STEP STEP B: q(N); END_STEP\n"
             "TRANSITION FROM A TO B := go; END_TRANSITION\n"
             "TRANSITION FROM B TO A := go; END_TRANSITION END_FUNCTION_BLOCK\n"
-            "PROGRAM MAIN VAR f, g : Toggle; a, b : BOOL; END_VAR f(go := a); g(go := b); END_PROGRAM")
+            "PROGRAM MAIN VAR f, g : Toggle; a, b : BOOL; END_VAR\n"
+            "f(go := a); g(go := b); END_PROGRAM")
     found = Controller(text).diagram({"a": "_--_", "b": "_-__"}, ["f.q", "g.q"])
     assert found == {"f.q": "_-__", "g.q": "_---"}
 

@@ -5,7 +5,6 @@ TRUE: B.X follows `go` from the second scan on. Step C follows `reset` in a bran
 """
 
 import pytest
-
 from controller import Controller
 
 CHART = """

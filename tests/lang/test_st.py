@@ -1,10 +1,9 @@
 """Structured Text: precedence, statements and calls (IEC 61131-3, 3.3)."""
 
 import pytest
+from controller import Controller, evaluate, findings, main
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from controller import Controller, evaluate, findings, main
 
 # ---------------------------------------------------------------- expressions
 
@@ -47,7 +46,8 @@ def flags(depth):
     leaf = st.sampled_from(sorted(FLAGS))
     if not depth:
         return leaf
-    comparison = st.tuples(st.sampled_from(["=", "<>", "<", ">", "<=", ">="]), numbers(1), numbers(1))
+    comparison = st.tuples(st.sampled_from(["=", "<>", "<", ">", "<=", ">="]), numbers(1),
+                           numbers(1))
     inner = flags(depth - 1)
     return leaf | comparison | st.tuples(st.sampled_from(["OR", "XOR", "AND", "=", "<>"]),
                                          inner, inner)
@@ -65,7 +65,7 @@ def written(tree, level=0):
 
 def value(tree):
     if isinstance(tree, str):
-        return {**NUMBERS, **FLAGS}.get(tree, None) if not tree.isdigit() else int(tree)
+        return {**NUMBERS, **FLAGS}.get(tree) if not tree.isdigit() else int(tree)
     return MEANING[tree[0]](value(tree[1]), value(tree[2]))
 
 
@@ -103,7 +103,8 @@ def test_conditions(text, expected):
     ("n : TIME; k : INT := 3;", "T#1.5s * k + T#1ms", 4_501_000_000),
     ("n : TIME; k : INT := 3;", "T#6s / k", 2_000_000_000), ("n : TIME;", "T#1h", 3600 * 10**9),
     ("n : TIME;", "-T#5s", -5 * 10**9), ("n : TIME;", "T#-5s", -5 * 10**9),
-    ("n : TIME;", "TIME#1d2h3m4s5ms6us7ns", 93784005006007), ("n : WORD; w : WORD;", "NOT w", 65535),
+    ("n : TIME;", "TIME#1d2h3m4s5ms6us7ns", 93784005006007),
+    ("n : WORD; w : WORD;", "NOT w", 65535),
     ("n : UINT;", "65535", 65535), ("n : SINT;", "-128", -128), ("n : LREAL;", "1.0E300", 1e300),
     ("n : LREAL;", "REAL#0.5", 0.5), ("n : LINT;", "-9223372036854775808", -2**63),
     ("n : BYTE;", "2#1111_0000", 240), ("n : BOOL;", "1", True), ("n : REAL;", "7", 7.0),
@@ -126,7 +127,8 @@ def test_if_takes_the_first_true_branch(i, expected):
 @pytest.mark.parametrize(("i", "expected"), [
     (1, 10), (2, 20), (3, 20), (4, 0), (5, 30), (7, 30), (9, 30), (10, 0), (-1, 40), (-5, 40)])
 def test_case_takes_the_branch_that_holds_the_value(i, expected):
-    body = "CASE i OF 1: n := 10; 2, 3: n := 20; 5..9: n := 30; -5..-1: n := 40; ELSE n := 0; END_CASE;"
+    body = ("CASE i OF 1: n := 10; 2, 3: n := 20; 5..9: n := 30; -5..-1: n := 40;"
+            "ELSE n := 0; END_CASE;")
     assert evaluate("i : INT; n : INT := 99;", body, "n", i=i) == expected
 
 
@@ -204,7 +206,8 @@ def test_real_literals_are_rounded_to_their_type():
     assert evaluate("r : REAL := 0.1; x : BOOL;", "x := r = 0.1;", "x") is True
 
 
-@pytest.mark.parametrize("call", ["t(CLK := a, Q => x);", "t(a); x := t.Q;", "t.CLK := a; t(); x := t.Q;",
+@pytest.mark.parametrize("call",
+                         ["t(CLK := a, Q => x);", "t(a); x := t.Q;", "t.CLK := a; t(); x := t.Q;",
                                   "t(CLK := a); x := t.q;", "T(a, Q => X);"])
 def test_function_blocks_are_called_in_every_form(call):
     controller = Controller(main("t : R_TRIG; a, x : BOOL;", call))

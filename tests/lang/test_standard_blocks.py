@@ -1,7 +1,6 @@
 """Bistables, edges and counters (IEC 61131-3, tables 34 to 36), scan by scan."""
 
 import pytest
-
 from controller import Controller, main
 
 

@@ -4,7 +4,6 @@ One column is one scan of 10 ms; Q and IN are lines of `_` and `-`, ET is in ms.
 """
 
 import pytest
-
 from controller import MS, Controller, main
 
 
@@ -104,6 +103,7 @@ def test_a_timer_measures_the_time_of_the_scans_not_their_number():
 
 def test_timers_nest_in_function_blocks_of_the_user():
     text = ("FUNCTION_BLOCK Blink VAR_INPUT half : TIME; END_VAR VAR_OUTPUT lamp : BOOL; END_VAR\n"
-            "VAR t : TON; END_VAR t(IN := NOT t.Q, PT := half); IF t.Q THEN lamp := NOT lamp; END_IF;\n"
+            "VAR t : TON; END_VAR t(IN := NOT t.Q, PT := half);\n"
+            "IF t.Q THEN lamp := NOT lamp; END_IF;\n"
             "END_FUNCTION_BLOCK\n" + main("b : Blink;", "b(half := T#20ms);"))
     assert Controller(text).lines(10, ["lamp"]) == {"lamp": "__----____"}

@@ -27,6 +27,8 @@ VAR delay : TON; count : INT; pause : TIME := T#2s; ratio : REAL; END_VAR
 done:
   LD  level
   ST  speed
+  LD  ratio
+  ST  ratio
 END_PROGRAM
 """
 """A pump that starts `pause` after `start`; `count` counts the scans with `start` on."""
