@@ -1,6 +1,6 @@
 """Traces as value change dumps (IEEE 1800-2017, clause 21.7) by pyvcd: 1 ns, a scope for each dot.
 
-BOOL is a wire, signed whole numbers and times are 64-bit integers in two's complement, unsigned
+BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement, unsigned
 ones and bit strings are registers of their width, floats are reals, and texts are the strings
 that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
 """
@@ -65,6 +65,7 @@ def _register(writer: VCDWriter, tag: Tag, value: Value | None) -> Any:
     *scope, name = tag.name.split(".")
     row = ELEMENTARY.get(tag.type)
     kinds = {"bool": ("wire", 1), "int": ("integer", 64), "time": ("integer", 64),
+             **dict.fromkeys(("date", "tod", "dt"), ("integer", 64)),
              "float": ("real", 64), "uint": ("reg", row.bits if row else 64),
              "bits": ("reg", row.bits if row else 64)}
     var_type, size = kinds[row.kind] if row else ("string", 1)

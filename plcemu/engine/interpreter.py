@@ -9,6 +9,7 @@ import struct
 from collections.abc import Callable
 from typing import Any, NoReturn
 
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import ProgramFault
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import STRUCT_CODES, VALUE_OPS, Fault, wrap
@@ -18,6 +19,8 @@ BUDGET = 1_000_000
 """Instructions that jumps backwards may cost in one run; a program that needs more has run away."""
 
 _END = -1
+
+_STRUCTS = {machine: struct.Struct("<" + code) for machine, code in STRUCT_CODES.items()}
 
 Step = Callable[[list[Any], list[Any], int], int]
 """An instruction: takes stack, locals and the instance's address, returns what comes next."""
@@ -34,6 +37,7 @@ class Interpreter:
 
     name = "interpreter"
 
+    @paused_collector()
     def __init__(self, program: Program, block: bytearray, budget: int = BUDGET) -> None:
         self._program = program
         self._block = block
@@ -90,7 +94,7 @@ class Interpreter:
 
     def _load(self, arg: tuple[str, str, int], following: int) -> Step:
         machine, base, offset = arg
-        block, unpack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).unpack_from
+        block, unpack = self._block, _STRUCTS[machine].unpack_from
         relative = base == "this"
 
         def byte(stack: list[Any], local: list[Any], this: int) -> int:
@@ -110,7 +114,7 @@ class Interpreter:
 
     def _store(self, arg: tuple[str, str, int], following: int) -> Step:
         machine, base, offset = arg
-        block, pack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).pack_into
+        block, pack = self._block, _STRUCTS[machine].pack_into
         relative = base == "this"
 
         def byte(stack: list[Any], local: list[Any], this: int) -> int:
@@ -138,7 +142,7 @@ class Interpreter:
 
     def _loadat(self, arg: tuple[str, int], following: int) -> Step:
         machine, offset = arg
-        block, unpack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).unpack_from
+        block, unpack = self._block, _STRUCTS[machine].unpack_from
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             stack[-1] = unpack(block, stack[-1] + offset)[0]
@@ -147,7 +151,7 @@ class Interpreter:
 
     def _storeat(self, arg: tuple[str, int], following: int) -> Step:
         machine, offset = arg
-        block, pack = self._block, struct.Struct("<" + STRUCT_CODES[machine]).pack_into
+        block, pack = self._block, _STRUCTS[machine].pack_into
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             value = stack.pop()

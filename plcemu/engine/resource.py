@@ -41,11 +41,16 @@ ENGINES = ("auto", "interpreter")
 
 @dataclass(slots=True)
 class _TaskState:
-    """A task as it runs: its instances' code, and whether its last scan changed nothing."""
+    """A task as it runs: its instances' code, and whether its last scan changed nothing.
+
+    A task with an event and an interval has two of these: one that looks for the event, and one that
+    is periodic while the trigger is FALSE.
+    """
 
     task: Task
     interval_ns: int
     runs: list[tuple[str, int]]
+    looks_for_event: bool = False
     quiet: bool = False
 
 
@@ -85,7 +90,7 @@ class Resource:
         prepared = []
         for task in sorted(tasks, key=lambda t: t.priority):
             interval = task.interval_ns or cycle_ns
-            if interval <= 0 or task.phase_ns < 0:
+            if min(interval, cycle_ns if task.event else interval) <= 0 or task.phase_ns < 0:
                 raise PlcemuError(f"task {task.name}: the interval must be positive, the phase "
                                   "not negative")
             try:
@@ -95,7 +100,10 @@ class Resource:
                 raise PlcemuError(f"task {task.name}: there is no program {missing}; "
                                   f"there is {known}") from None
             runs = [(i.function, i.base) for i in instances]
-            prepared.append(_TaskState(task, interval, runs))
+            if task.event:
+                prepared.append(_TaskState(task, cycle_ns, runs, looks_for_event=True))
+            if task.interval_ns or not task.event:
+                prepared.append(_TaskState(task, interval, runs))
         return prepared
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
@@ -138,7 +146,7 @@ class Resource:
     @property
     def tasks(self) -> list[Task]:
         """The tasks, the most urgent first."""
-        return [state.task for state in self._tasks]
+        return list(dict.fromkeys(state.task for state in self._tasks))
 
     def is_due(self, t_ns: int) -> bool:
         """Whether any task is released at an instant."""
@@ -174,9 +182,27 @@ class Resource:
         if elapsed:
             self.memory.advance_clocks(elapsed)
         for state in self._tasks:
-            if _is_due(state, t_ns) and not self._run(state, t_ns):
+            if not _is_due(state, t_ns):
+                continue
+            if not self._is_wanted(state):
+                state.quiet = True
+            elif not self._run(state, t_ns):
                 break
         self._left = bytes(self.memory.block)
+
+    def _is_wanted(self, state: _TaskState) -> bool:
+        """Whether a task is to run at its release: always, unless it has an event (table 50)."""
+        event = state.task.event
+        if event is None:
+            return True
+        block = self.memory.block
+        trigger, before = block[event.trigger], block[event.seen]
+        if not state.looks_for_event:
+            return not trigger
+        if trigger != before:
+            block[event.seen] = trigger
+            self._wake()
+        return trigger > before
 
     def _run(self, state: _TaskState, t_ns: int) -> bool:
         before = bytes(self.memory.block)

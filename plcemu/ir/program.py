@@ -72,6 +72,23 @@ class ImageExtent:
 
 
 @dataclass(frozen=True, slots=True)
+class Retained:
+    """A variable that keeps its value over a warm restart (VAR RETAIN).
+
+    Attributes:
+        name: its full name, or a part of one.
+        type: its type's name, in the user's spelling.
+        offset: in the memory block.
+        size: in bytes.
+    """
+
+    name: str
+    type: str
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
 class Layout:
     """The memory block.
 
@@ -80,12 +97,14 @@ class Layout:
         slots: the tags in it, in order of the tag table.
         extents: the process image in it.
         clocks: the clock cells in it.
+        retained: the variables that keep their values over a warm restart, in textual order.
     """
 
     initial: bytes
     slots: tuple[Slot, ...]
     extents: tuple[ImageExtent, ...]
     clocks: tuple[ClockCell, ...]
+    retained: tuple[Retained, ...] = ()
 
     @property
     def size(self) -> int:
@@ -103,10 +122,25 @@ class Instance:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """A periodic task: released at phase + k · interval; lower priority numbers run first.
+class Event:
+    """The rising edge that releases a task (SINGLE; IEC 61131-3, 2.7.2 and table 50).
 
-    An interval of 0 means the resource's own cycle.
+    Attributes:
+        trigger: offset of the BOOL variable in memory.
+        seen: offset of the byte that holds what the trigger was when it was last looked at.
+    """
+
+    trigger: int
+    seen: int
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A task; lower priority numbers run first.
+
+    Without an event it is released at phase + k · interval; an interval of 0 means the resource's
+    own cycle. An event is looked for at phase + k · the resource's cycle, and its rising edge releases
+    the task once; with an interval besides, the task is also periodic while the trigger is FALSE.
     """
 
     name: str
@@ -114,6 +148,7 @@ class Task:
     priority: int = 0
     phase_ns: int = 0
     programs: tuple[str, ...] = ()
+    event: Event | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,19 +1,17 @@
-"""Putting a program together: instances, tasks, and the layout of memory with its tags."""
+"""The layout of memory: initial values, tags, extents, clock cells and retained variables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from plcemu.base.areas import Address
-from plcemu.base.spans import Span
 from plcemu.base.tags import Tag
 from plcemu.base.types import ElementaryType, StringType
-from plcemu.ir.program import ClockCell, Layout, Slot, Task
-from plcemu.lang import syntax as s
-from plcemu.lang.constants import NotConstant, fold
+from plcemu.ir.program import ClockCell, Layout, Retained, Slot
 from plcemu.lang.frames import Functions
 from plcemu.lang.image import Image
-from plcemu.lang.report import Report
+from plcemu.lang.located import leaf_address
+from plcemu.lang.planning import Planned
 from plcemu.lang.scope import Declarations, Scope
 from plcemu.lang.types import (
     TYPE_OF_SIZE,
@@ -24,96 +22,28 @@ from plcemu.lang.types import (
     clocks,
     default_bytes,
     leaves,
+    retained_fields,
 )
 
-_DEFAULT_TASK = "main"
 
-
-def plan_instances(units: Iterable[s.Unit], scopes: list[Scope],
-                   report: Report) -> tuple[list[tuple[str, Scope]], tuple[Task, ...]]:
-    """Return the program instances by name, and the tasks.
-
-    Without a CONFIGURATION each PROGRAM has one instance of its name, in one task.
-    """
-    programs = {x.pou.name.upper(): x for x in scopes if x.pou.kind == "PROGRAM"}
-    configurations = [c for unit in units for c in unit.configurations]
-    declared = [p for c in configurations for p in c.programs]
-    if not declared:
-        instances = [(x.pou.name, x) for x in programs.values()]
-        return instances, (Task(_DEFAULT_TASK, programs=tuple(n for n, _ in instances)),)
-    instances = []
-    by_task: dict[str, list[str]] = {}
-    for each in declared:
-        scope = programs.get(each.type.upper())
-        if scope is None:
-            report.error("P0022", each.type_span, f"there is no PROGRAM {each.type!r}")
-            continue
-        if any(each.name.upper() == name.upper() for name, _ in instances):
-            report.error("P0021", each.span, f"{each.name!r} is declared twice")
-            continue
-        instances.append((each.name, scope))
-        by_task.setdefault(each.task.upper(), []).append(each.name)
-    return instances, _tasks(configurations, by_task, declared, report)
-
-
-def _tasks(configurations: list[s.Configuration], by_task: dict[str, list[str]],
-           declared: list[s.ProgramInstance], report: Report) -> tuple[Task, ...]:
-    tasks = []
-    known = {task.name.upper() for c in configurations for task in c.tasks}
-    for each in declared:
-        if each.task and each.task.upper() not in known:
-            report.error("P0020", each.span, f"there is no TASK {each.task!r}")
-    for configuration in configurations:
-        for task in configuration.tasks:
-            programs = tuple(by_task.pop(task.name.upper(), ()))
-            tasks.append(_task(task, programs, report))
-    left = by_task.pop("", [])
-    if left:
-        tasks.append(Task(_DEFAULT_TASK, 0, 65536, 0, tuple(left)))
-    return tuple(tasks)
-
-
-def _task(task: s.TaskDeclaration, programs: tuple[str, ...], report: Report) -> Task:
-    settings: dict[str, int] = {}
-    for key, expr, span in task.settings:
-        if key not in ("INTERVAL", "PRIORITY"):
-            code = "P0090" if key == "SINGLE" else "P0010"
-            report.error(code, span, f"{key} of a TASK is not supported yet" if code == "P0090"
-                         else f"a TASK has INTERVAL, PRIORITY and SINGLE, not {key}")
-            continue
-        settings[key] = _setting(expr, span, report)
-    return Task(task.name, settings.get("INTERVAL", 0), settings.get("PRIORITY", 0), 0, programs)
-
-
-def _setting(expr: s.Expr, span: Span, report: Report) -> int:
-    try:
-        value = fold(expr)
-    except NotConstant as problem:
-        report.error("P0027", problem.span, problem.reason)
-        return 0
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        report.error("P0025", span, "an interval is a duration and a priority a number, not negative")
-        return 0
-    return value
-
-
-# ---------------------------------------------------------------- memory
-
-
-def assemble(declarations: Declarations, instances: list[tuple[str, Scope]], image: Image,
+def assemble(declarations: Declarations, instances: list[Planned], image: Image,
              plan: Functions, addresses: list[Address]) -> Layout:
     """Return the layout of memory: initial values, tags, extents and clocks."""
     initial = bytearray(plan.end)
     slots: list[Slot] = []
     found: list[ClockCell] = []
     placed = [("", declarations.globals, -(-image.size // 8) * 8),
-              *((name, scope, base) for (name, scope), base in
+              *((each.name, each.scope, base) for each, base in
                 zip(instances, plan.bases, strict=True))]
+    whole = {each.name for each in instances if each.declaration and each.declaration.retain}
     located: set[str] = set()
+    retained: list[Retained] = []
     for name, scope, base in placed:
         data = default_bytes(scope.type)
         initial[base:base + len(data)] = data
         slots += _located_slots(scope, name, initial, located)
+        retained += [Retained(name, scope.type.name, base, scope.type.size)] if name in whole \
+            else _retained(scope, name, base)
         slots += _variable_slots(scope.type, name, base)
         found += [ClockCell(offset, _is_observed(holder))
                   for offset, holder in clocks(scope.type, base)]
@@ -121,7 +51,7 @@ def assemble(declarations: Declarations, instances: list[tuple[str, Scope]], ima
                            {slot.tag.address for slot in slots})
     for offset, data in plan.initial:
         initial[offset:offset + len(data)] = data
-    return Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(found))
+    return Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(found), tuple(retained))
 
 
 def _tag(name: str, of: ElementaryType | StringType, address: str = "") -> Tag:
@@ -136,12 +66,23 @@ def _located_slots(scope: Scope, instance: str, initial: bytearray,
     slots = []
     for each in scope.located:
         if each.initial is not None:
-            initial[each.offset:each.offset + each.type.size] = each.initial
+            initial[each.offset:each.offset + len(each.initial)] = each.initial
         name = f"{instance}.{each.name}" if instance else each.name
         if not each.name.startswith("%") and name.upper() not in located:
             located.add(name.upper())
-            slots.append(Slot(_tag(name, each.type, str(each.address)), each.offset))
+            slots += [Slot(_tag(leaf, of, leaf_address(each.address, at - each.offset, of)), at)
+                      for leaf, at, of in leaves(each.type, name, each.offset)]
     return slots
+
+
+def _retained(scope: Scope, instance: str, base: int) -> list[Retained]:
+    """Return the RETAIN variables of an instance, those inside its function blocks too."""
+    prefix = f"{instance}." if instance else ""
+    found = [Retained(prefix + each.name, each.type.name, each.offset, each.type.size)
+             for each in scope.located if each.retain]
+    found += [Retained(name.removeprefix("."), each.type.name, offset, each.type.size)
+              for name, offset, each in retained_fields(scope.type, instance, base)]
+    return found
 
 
 def _variable_slots(block: BlockType, name: str, base: int) -> list[Slot]:
@@ -159,7 +100,8 @@ def _leaves(block: Type, name: str, base: int) -> Iterable[tuple[str, int, Eleme
 def _direct_slots(scopes: list[Scope], addresses: list[Address], image: Image,
                   named: set[str]) -> list[Slot]:
     """Return a slot for every address that the program uses and no named variable has."""
-    types = {str(each.address): each.type for scope in scopes for each in scope.located}
+    types = {str(each.address): each.type for scope in scopes for each in scope.located
+             if isinstance(each.type, ElementaryType)}
     unnamed = sorted(set(addresses), key=lambda a: (a.area, a.index))
     return [Slot(_tag(str(a), types.get(str(a), TYPE_OF_SIZE[a.area[1]]), str(a)), image.offset(a))
             for a in unnamed if str(a) not in named]

@@ -13,6 +13,7 @@ from plcemu.base.errors import did_you_mean
 from plcemu.base.types import ElementaryType
 from plcemu.lang import functions
 from plcemu.lang import syntax as s
+from plcemu.lang.gates import split
 from plcemu.lang.types import BlockType, Field, Place, Type, root
 
 if TYPE_CHECKING:
@@ -32,6 +33,11 @@ class Calls:
     def infer(self, call: s.Call) -> Type | None:
         """Return the type of a call's value, or None after a reported mistake."""
         block = self._ex.out.functions.block(call.name)
+        gate, _ = split(call.arguments, block)
+        if gate:
+            self._ex.report.error("P0090", call.span, "EN and ENO inside of an expression are not "
+                                  "supported yet", "assign the call's value to a variable first")
+            return None
         if block is not None:
             self._match(call, block)
             return root(block.fields[block.name.upper()].type)
@@ -41,6 +47,8 @@ class Calls:
             return None
         arguments = self._standard_arguments(call, row)
         if arguments is None:
+            return None
+        if not functions.arguments_fit(self._ex, call, row, arguments):
             return None
         if row.rewrite is not None:
             self._rewritten[call] = row.rewrite(call, arguments)
@@ -67,7 +75,7 @@ class Calls:
             self._ex.report.error("P0026", call.span, f"{row.name} has no outputs to take")
             return None
         if not (len(names) <= many <= (functions.MANY if row.extensible else len(names))):
-            least = f"at least {len(names)}" if row.extensible else f"{len(names)}"
+            least = f"{len(names)} to {functions.MANY}" if row.extensible else f"{len(names)}"
             self._ex.report.error("P0026", call.span, f"{row.name} takes {least} arguments, "
                                   f"{many} are given")
             return None

@@ -2,36 +2,57 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from plcemu.base.collector import paused_collector
+from plcemu.base.areas import Address
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic, Source, Span
 from plcemu.ir.check import check_function
 from plcemu.ir.program import Function, Instance, Program
 from plcemu.lang import syntax as s
-from plcemu.lang.assemble import assemble, plan_instances
-from plcemu.lang.declarations import parse
+from plcemu.lang.checks import reachable, report_recursion, warn, warn_of_tasks
+from plcemu.lang.assemble import assemble
+from plcemu.lang.connections import connected
+from plcemu.lang.declarations import function_names, parse
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.frames import Functions
 from plcemu.lang.lexer import tokenize
 from plcemu.lang.lower_il import InstructionList
 from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
+from plcemu.lang.planning import Planned, Planner
 from plcemu.lang.report import Report
 from plcemu.lang.image import Image, addresses_in
 from plcemu.lang.scope import Declarations, Scope
 from plcemu.lang.types import BOOL, Place
 
-_LIBRARY = ("timers.st", "standard.st", "action_control.st")
+_LIBRARY: dict[str, tuple[str, tuple[str, ...]]] = {
+    "timers.st": ("TIME", ("TIME", "LTIME")),
+    "counters.st": ("INT", ("INT", "SINT", "DINT", "LINT", "USINT", "UINT", "UDINT", "ULINT")),
+    "standard.st": ("", ()), "clock.st": ("", ()), "action_control.st": ("", ()),
+}
+"""The texts of the library; of each block of a text there is one variant `NAME_TYPE` for every type
+that is listed, which stands in the place of the type before the list."""
+
+_TYPED_BLOCK = re.compile(r"\b(?:CTU|CTD|CTUD|TP|TON|TOF)_(\w+)", re.IGNORECASE)
 
 
-def compile_program(source: str | Path | Iterable[str | Path]) -> Program:
+@paused_collector()
+def compile_program(source: str | Path | Iterable[str | Path], *,
+                    final_scan: bool = False) -> Program:
     """Compile a text, a file or several files into one program.
 
     Each PROGRAM becomes one instance of its name; all run in one task with the resource's cycle.
+
+    Args:
+        source: what to compile.
+        final_scan: whether the actions of charts run once more in the scan in which they end
+            (2.6.4.5, figures 14 and 15).
 
     Raises:
         CompileError: with every mistake found.
@@ -39,38 +60,74 @@ def compile_program(source: str | Path | Iterable[str | Path]) -> Program:
     report = Report()
     sources = read_sources(source)
     tokens = [tokenize(each, report) for each in sources]
-    units = [parse(each, report) for each in tokens]
+    names = function_names(token for each in tokens for token in each)
+    units = [parse(each, report, names) for each in tokens]
     pous = [pou for unit in units for pou in unit.pous]
     report.stop_on_errors()
     addresses = addresses_in(t for each in tokens for t in each)
-    image = Image(addresses)
-    declarations = Declarations([_library(), *units], image, report)
-    scopes = [scope for pou in pous if (scope := declarations.scope(pou.name)) is not None]
+    library = _library(frozenset(of.upper() for each in sources
+                                 for of in _TYPED_BLOCK.findall(each.text)))
+    image, declarations, scopes = _declare(units, library, addresses, report, final_scan)
     if not any(pou.kind == "PROGRAM" for pou in pous):
         report.error("P0061", Span(sources[0], 0, 0), "there is no PROGRAM in this text")
-    instances, tasks = plan_instances(units, scopes, report)
+    instances, tasks = Planner(units, scopes, declarations.globals, image, report).plan()
     plan = _plan(declarations, scopes, instances, image)
     functions = _lower_all(declarations, image, plan, report)
+    outer = _connect(units, instances, declarations, image, plan, report)
+    functions.update((function.name, function) for function in outer.values())
+    report_recursion(functions, scopes, report)
     report.stop_on_errors()
-    _warn_of_unused(scopes, report)
+    warn(scopes, declarations.globals, report)
+    warn_of_tasks(tasks, {i.name: i.scope.pou.name for i in instances}, scopes,
+                  declarations.globals, functions, report)
     for function in functions.values():
         check_function(function, functions)
     layout = assemble(declarations, instances, image, plan, addresses)
-    placed = tuple(Instance(name, scope.pou.name.upper(), base)
-                   for (name, scope), base in zip(instances, plan.bases, strict=True))
-    used = _reachable(functions, [i.function for i in placed])
+    placed = tuple(Instance(each.name, outer[each.name].name if each.name in outer
+                            else each.scope.pou.name.upper(), base)
+                   for each, base in zip(instances, plan.bases, strict=True))
+    used = reachable(functions, [i.function for i in placed])
     return Program({n: f for n, f in functions.items() if n in used}, layout, placed, tasks,
                    report.sorted())
 
 
-def _plan(declarations: Declarations, scopes: list[Scope], instances: list[tuple[str, Scope]],
+def _declare(units: list[s.Unit], library: s.Unit, addresses: list[Address],
+             report: Report, final_scan: bool) -> tuple[Image, Declarations, list[Scope]]:
+    """Build the scopes of all POUs, and the image they need.
+
+    How far an array with an address reaches is known after its declaration only: then everything is
+    declared once more on an image that has room for it.
+    """
+    needed = list(addresses)
+    for _ in range(2):
+        image = Image(needed)
+        declarations = Declarations([library, *units], image, report, final_scan)
+        scopes = [scope for unit in units for pou in unit.pous
+                  if (scope := declarations.scope(pou.name)) is not None]
+        if not image.missing:
+            break
+        needed += image.missing
+    return image, declarations, scopes
+
+
+def _connect(units: list[s.Unit], instances: list[Planned], declarations: Declarations, image: Image,
+             plan: Functions, report: Report) -> dict[str, Function]:
+    """Return the functions that run instances between their connections, by instance."""
+    resources = {name.upper() for unit in units for c in unit.configurations
+                 for name in (c.name, *c.resource_names)}
+    made = {each.name: connected(each, resources, declarations.globals, image.offset, plan, report)
+            for each in instances}
+    return {name: function for name, function in made.items() if function is not None}
+
+
+def _plan(declarations: Declarations, scopes: list[Scope], instances: list[Planned],
           image: Image) -> Functions:
     """Lay out memory: image, global variables, program instances, then frames of functions."""
     size = _rounded(image.size) + declarations.globals.type.size
     bases = []
-    for _, scope in instances:
+    for each in instances:
         bases.append(size)
-        size += scope.type.size
+        size += each.scope.type.size
     blocks = [x.type for x in declarations.scopes.values() if x.pou.kind == "FUNCTION"]
     return Functions(blocks, size, bases)
 
@@ -107,15 +164,26 @@ def _read(path: Path) -> Source:
 
 
 @cache
-def _library() -> s.Unit:
-    """Return the standard function blocks, which are written in ST and compiled like user code."""
+def _library(variants: frozenset[str] = frozenset()) -> s.Unit:
+    """Return the standard function blocks, which are written in ST and compiled like user code.
+
+    `variants` are the types of the typed ones that are wanted, such as DINT for CTU_DINT.
+    """
     report = Report()
     pous: list[s.Pou] = []
-    for name in _LIBRARY:
+    for name, (of, types) in _LIBRARY.items():
         text = resources.files("plcemu.lang").joinpath("library", name).read_text("utf-8")
-        pous += parse(tokenize(Source(f"library/{name}", text), report), report).pous
+        wanted = [each for each in types if each in variants]
+        for variant in (text, *(_variant(text, of, each) for each in wanted)):
+            pous += parse(tokenize(Source(f"library/{name}", variant), report), report).pous
     report.stop_on_errors()
     return s.Unit(tuple(pous), (), (), ())
+
+
+def _variant(text: str, of: str, other: str) -> str:
+    """Return a text of function blocks for another type, which their names get as an ending."""
+    named = re.sub(r"(?m)^FUNCTION_BLOCK (\w+)", rf"FUNCTION_BLOCK \1_{other}", text)
+    return re.sub(rf"\b{of}\b", other, named)
 
 
 # ---------------------------------------------------------------- lowering
@@ -143,6 +211,7 @@ class _PouLowering:
         body = self._scope.pou.body
         if self._scope.pou.kind == "FUNCTION":
             self._begin_function(main)
+        self._find_edges(main)
         if isinstance(body, s.SfcBody):
             Chart(main, self._part).lower(body)
         else:
@@ -156,6 +225,21 @@ class _PouLowering:
                 place = Place("this", field.offset, field.type)
                 out.initialise(place, field, self._scope.pou.span)
 
+    def _find_edges(self, out: Emitter) -> None:
+        """Compare each input that tells its edges with what it was in the call before."""
+        for written, last, now, variable in self._scope.edges:
+            is_falling = variable.edge == "F_EDGE"
+            for place, negated in ((written, is_falling), (last, True)):
+                out.load(place, BOOL, variable.span)
+                if negated:
+                    out.emit("not.bool", None, variable.span)
+            out.emit("and.bool", None, variable.span)
+            out.store(now, BOOL, variable.span)
+            out.load(written, BOOL, variable.span)
+            if is_falling:
+                out.emit("not.bool", None, variable.span)
+            out.store(last, BOOL, variable.span)
+
     def _emitter(self, name: str, result: str = "") -> Emitter:
         out = Emitter(self._scope, self._image.offset, self._report, name, result, self._plan)
         for variable, _ in self._scope.temporaries.values():
@@ -163,7 +247,14 @@ class _PouLowering:
                                                                s.ListValue | s.FieldValues):
                 target = s.Name(variable.span, (variable.name,))
                 Statements(out).assign(s.Assign(variable.span, target, variable.initial))
+        self._begin_temporaries(out)
         return out
+
+    def _begin_temporaries(self, out: Emitter) -> None:
+        """Give the VAR_TEMP arrays, structures and strings, which stand in the instance, their values."""
+        for field in self._scope.type.fields.values():
+            if field.section == "VAR_TEMP":
+                out.initialise(Place("this", field.offset, field.type), field, self._scope.pou.span)
 
     def _body(self, out: Emitter, body: s.IlBody | s.StBody) -> None:
         if isinstance(body, s.IlBody):
@@ -187,21 +278,3 @@ class _PouLowering:
     def _finish(self, out: Emitter) -> None:
         out.emit("ret", None, self._scope.pou.span)
         self._functions[out.name] = out.function()
-
-
-def _warn_of_unused(scopes: list[Scope], report: Report) -> None:
-    for scope in scopes:
-        for variable in scope.unused.values():
-            report.warning("P0070", variable.span, f"variable {variable.name!r} is never used")
-
-
-def _reachable(functions: dict[str, Function], roots: list[str]) -> set[str]:
-    found: set[str] = set()
-    pending = list(roots)
-    while pending:
-        name = pending.pop()
-        if name not in found:
-            found.add(name)
-            pending += [i.arg for i in functions[name].code if i.op == "call"]
-    return found
-

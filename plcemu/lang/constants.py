@@ -44,8 +44,20 @@ def fold(expr: s.Expr, lookup: Lookup = _nothing) -> Value:
     if isinstance(expr, s.Unary):
         return _unary(expr, fold(expr.operand, lookup))
     if isinstance(expr, s.Binary):
-        return _binary(expr, fold(expr.left, lookup), fold(expr.right, lookup))
+        return _fold_chain(expr, lookup)
     raise NotConstant(expr.span)
+
+
+def _fold_chain(expr: s.Expr, lookup: Lookup) -> Value:
+    """Fold operators; they lean to the left, so a long sum is a deep tree: go down in a loop."""
+    chain: list[s.Binary] = []
+    while isinstance(expr, s.Binary):
+        chain.append(expr)
+        expr = expr.left
+    value = fold(expr, lookup)
+    for binary in reversed(chain):
+        value = _binary(binary, value, fold(binary.right, lookup))
+    return value
 
 
 def _unary(expr: s.Unary, value: Value) -> Value:

@@ -35,18 +35,26 @@ class NestedTooDeeply(SyntaxFailure):
 
 
 class Cursor:
-    """The tokens of one source and a place among them."""
+    """The tokens of one source and a place among them.
 
-    def __init__(self, tokens: list[Token], report: Report) -> None:
+    Attributes:
+        token: the token at the cursor; at the end the `end` token for ever.
+        word: the keyword, name or sign at the cursor in capitals; empty at a literal.
+        functions: the names, in capitals, of the user's functions, which are operators in IL.
+    """
+
+    def __init__(self, tokens: list[Token], report: Report,
+                 functions: Collection[str] = ()) -> None:
         self._tokens = tokens
+        self.functions = functions
         self._index = 0
         self.report = report
         self._depth = 0
+        self._look()
 
-    @property
-    def token(self) -> Token:
-        """The token at the cursor; at the end the `end` token for ever."""
-        return self._tokens[self._index]
+    def _look(self) -> None:
+        self.token = token = self._tokens[self._index]
+        self.word = token.text.upper() if token.kind in ("name", "op") else ""
 
     def peek(self, ahead: int = 1) -> Token:
         """Return a token further on."""
@@ -71,11 +79,12 @@ class Cursor:
         token = self.token
         if token.kind != "end":
             self._index += 1
+            self._look()
         return token
 
     def at(self, *texts: str) -> bool:
         """Whether the token is one of these keywords or signs."""
-        return self.token.kind in ("name", "op") and self.token.upper in texts
+        return self.word in texts
 
     def at_end(self) -> bool:
         """Whether no token is left."""
@@ -83,12 +92,12 @@ class Cursor:
 
     def accept(self, *texts: str) -> Token | None:
         """Step over the token if it is one of these."""
-        return self.advance() if self.at(*texts) else None
+        return self.advance() if self.word in texts else None
 
     def mend_closer(self) -> None:
         """Take a misspelt `END_...` for the keyword that is meant; the mistake is reported."""
         token = self.token
-        if token.kind != "name" or token.upper[:3] != "END" or token.upper in RESERVED \
+        if self.word[:3] != "END" or self.word in RESERVED \
                 or self.peek().text in (":=", "(", ".", ":", ","):
             return
         near = difflib.get_close_matches(token.upper, _CLOSERS, n=1, cutoff=0.8)
@@ -96,6 +105,7 @@ class Cursor:
             self.report.error("P0010", token.span, f"{token.text!r} closes nothing",
                               f"did you mean {near[0]!r}?")
             self._tokens[self._index] = replace(token, text=near[0])
+            self._look()
 
     def expect(self, text: str, context: str = "", code: str = "P0010") -> Token:
         """Step over the token, which must be this one."""
@@ -143,10 +153,13 @@ class Cursor:
             NestedTooDeeply: `NESTING_LIMIT` levels are open.
         """
         if self._depth >= NESTING_LIMIT:
-            self.report.error("P0014", self.place(),
-                              f"nested more than {NESTING_LIMIT} levels deep")
-            raise NestedTooDeeply
+            raise self.too_deep()
         self._depth += 1
+
+    def too_deep(self) -> NestedTooDeeply:
+        """Report that too many levels are open here, and return the exception to raise."""
+        self.report.error("P0014", self.place(), f"nested more than {NESTING_LIMIT} levels deep")
+        return NestedTooDeeply()
 
     def leave(self) -> None:
         """End one level of nesting."""

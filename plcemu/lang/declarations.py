@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+from itertools import pairwise
+
 from plcemu.lang import syntax as s
 from plcemu.lang.configuration import parse_configuration
 from plcemu.lang.cursor import Cursor, SyntaxFailure
@@ -18,9 +21,18 @@ _POUS = ("PROGRAM", "FUNCTION_BLOCK", "FUNCTION")
 _OTHERS = ("TYPE", "VAR_GLOBAL", "CONFIGURATION")
 
 
-def parse(tokens: list[Token], report: Report) -> s.Unit:
-    """Parse a whole text; every mistake goes to the report."""
-    cursor = Cursor(tokens, report)
+def function_names(tokens: Iterable[Token]) -> frozenset[str]:
+    """Return the names, in capitals, of the FUNCTIONs that texts declare."""
+    return frozenset(name.upper for word, name in pairwise(tokens)
+                     if word.kind == "name" and word.upper == "FUNCTION" and name.kind == "name")
+
+
+def parse(tokens: list[Token], report: Report, functions: Collection[str] = ()) -> s.Unit:
+    """Parse a whole text; every mistake goes to the report.
+
+    `functions` are the names of the user's functions in all texts, in capitals.
+    """
+    cursor = Cursor(tokens, report, functions)
     pous: list[s.Pou] = []
     types: list[s.TypeDeclaration] = []
     global_variables: list[s.Variable] = []
@@ -52,7 +64,8 @@ def _types(cursor: Cursor) -> list[s.TypeDeclaration]:
         cursor.expect(":", "between the type's name and what it is")
         spec = parse_type(cursor)
         initial = parse_initial(cursor) if cursor.accept(":=") else None
-        cursor.expect(";", "after the type")
+        if cursor.previous.upper != "END_STRUCT" or not cursor.at("END_TYPE"):
+            cursor.expect(";", "after the type")
         found.append(s.TypeDeclaration(name.span, name.text, spec, initial))
     cursor.advance()
     cursor.accept(";")

@@ -80,6 +80,10 @@ class Emitter:
         self._names[name.upper()] = place
         return place
 
+    def name_local(self, name: str, number: int, of: Type) -> None:
+        """Give a name, which no user's variable can have, to a local variable."""
+        self._names[name.upper()] = Place("local", number, of, name)
+
     def function(self) -> Function:
         """Return the finished function."""
         return Function(self.name, tuple(self.code), tuple(self._locals), self.result,

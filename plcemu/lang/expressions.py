@@ -6,10 +6,20 @@ from dataclasses import replace
 
 from plcemu.base.spans import Span
 from plcemu.base.types import ELEMENTARY, ElementaryType, StringType
+from plcemu.lang import functions
 from plcemu.lang import syntax as s
 from plcemu.lang.calls import Calls
-from plcemu.lang.emitter import Emitter
 from plcemu.lang.constants import constant_value
+from plcemu.lang.emitter import Emitter
+from plcemu.lang.operators import (
+    COMPARISON,
+    KINDS,
+    NUMERIC,
+    apply_operator,
+    operand_type,
+    result_type,
+    second_type,
+)
 from plcemu.lang.types import (
     BOOL,
     DINT,
@@ -24,64 +34,9 @@ from plcemu.lang.types import (
     Field,
     Place,
     Type,
-    common_type,
     root,
     widens,
 )
-
-ARITHMETIC = {"ADD": "add", "SUB": "sub", "MUL": "mul", "DIV": "div", "MOD": "mod"}
-LOGIC = {"AND": "and", "OR": "or", "XOR": "xor"}
-COMPARISON = {"EQ": "eq", "NE": "ne", "LT": "lt", "LE": "le", "GT": "gt", "GE": "ge"}
-
-_NUMERIC = ("int", "uint", "float", "literal")
-_KINDS = {"ADD": (*_NUMERIC, "time"), "SUB": (*_NUMERIC, "time"), "MUL": _NUMERIC,
-          "DIV": _NUMERIC, "MOD": ("int", "uint", "literal"),
-          "NEG": ("int", "float", "time", "literal"),
-          **dict.fromkeys((*LOGIC, "NOT"), ("bool", "bits"))}
-"""The kinds of types that an operator works on; the comparisons take all."""
-
-
-_DATES = ("date", "tod", "dt")
-
-
-def operand_type(op: str, left: Type, right: Type) -> Type | None:
-    """Return the type in which an operator works on its operands, or None if they do not fit it."""
-    left, right = root(left), root(right)
-    if left.kind in _DATES and op in ("ADD", "SUB"):
-        if right.kind == "time" and left.kind != "date":
-            return left
-        return left if op == "SUB" and right == left else None
-    if op in LOGIC and INT_LITERAL in (left, right) and BOOL in (left, right):
-        return BOOL
-    if op in ("MUL", "DIV") and left.kind == "time" and right.kind in ("int", "uint", "literal") \
-            and right is not REAL_LITERAL:
-        return left
-    common = common_type(left, right)
-    if common is None or (op not in COMPARISON and common.kind not in _KINDS[op]):
-        return None
-    if op in COMPARISON and not isinstance(common, ElementaryType | StringType):
-        return None
-    return common
-
-
-def result_type(op: str, common: Type, right: Type) -> Type:
-    """Return the type of an operator's value."""
-    if op in COMPARISON:
-        return BOOL
-    return TIME if op == "SUB" and common.kind in _DATES and right.kind == common.kind else common
-
-
-def second_type(op: str, common: Type, right: Type) -> Type:
-    """Return the type of an operator's second operand: of TIME times a number it is the number."""
-    if common.kind in _DATES and right.kind == "time":
-        return TIME
-    scales = op in ("MUL", "DIV") and common.kind == "time" and right.kind != "time"
-    return LINT if scales else common
-
-
-def operation(op: str, of: Type) -> str:
-    """Return the IR operation for an operator on a type."""
-    return f"{ARITHMETIC.get(op) or LOGIC.get(op) or COMPARISON[op]}.{of.machine}"
 
 
 class Expressions:
@@ -141,7 +96,7 @@ class Expressions:
 
     def _fits(self, expr: s.Unary | s.Binary, of: Type) -> bool:
         """Whether an operator works on a type; a mistake goes to the report."""
-        if expr.op in COMPARISON or of.kind in _KINDS[expr.op]:
+        if expr.op in COMPARISON or of.kind in KINDS[expr.op]:
             return True
         self._out.report.error("P0023", expr.span, f"{expr.op} does not fit {of.name}")
         return False
@@ -168,10 +123,9 @@ class Expressions:
         return good
 
     def _apply(self, binary: s.Binary, common: Type) -> None:
-        if isinstance(common, StringType):
-            compare_strings(self._out, binary.op, common, binary.span)
-        else:
-            self._out.emit(operation(binary.op, common), None, binary.span)
+        right = self.infer(binary.right)
+        if right is not None:
+            apply_operator(self._out, binary.op, common, right, binary.span)
 
     def _member(self, expr: s.Name) -> EnumType | None:
         """Return the enumeration that a name is a value of, if no variable has the name."""
@@ -215,7 +169,7 @@ class Expressions:
                        target: Type) -> bool:
         if target.kind != "float" and REAL_LITERAL in (left, right):
             return self._widens(expr, REAL_LITERAL, target)
-        return self._widens(expr, INT_LITERAL, target) if target.kind not in _NUMERIC \
+        return self._widens(expr, INT_LITERAL, target) if target.kind not in NUMERIC \
             else self._fits(expr, target)
 
     def _widens(self, expr: s.Expr, of: Type, target: Type) -> bool:
@@ -232,7 +186,7 @@ class Expressions:
         if _is_constant(expr) or (isinstance(expr, s.Name) and self._member(expr) is not None):
             return self._emit_constant(expr, of, target)
         if of.kind == "literal" and isinstance(expr, s.Call):
-            of = target if target.kind in _NUMERIC else default_type(expr, of)
+            of = target if target.kind in NUMERIC else default_type(expr, of)
             if not self._widens(expr, of, target):
                 return False
         elif of.kind == "literal":
@@ -299,8 +253,16 @@ class Expressions:
             self.report.error("P0023", argument.span, f"{field.name} is {field.target.name}, "
                               f"{place.name} is {place.type.name}")
             return False
+        self._mark(argument.value, place)
         self._out.push_address(place, argument.span)
         return True
+
+    def _mark(self, node: s.Name | s.Direct, place: Place) -> None:
+        """Remember that a variable is written."""
+        if isinstance(node, s.Name):
+            self._out.scope.mark(node.head)
+        else:
+            self._out.scope.written.add((place.base, place.offset))
 
     def take_output(self, argument: s.Argument, place: Place, block: BlockType) -> None:
         """Put an output of the block at a place into the variable that an argument names."""
@@ -338,6 +300,8 @@ class Expressions:
             self.report.error("P0024", node.span,
                               f"{found[0].name} cannot be written: {found[0].read_only}")
             return None
+        if found:
+            self._mark(node, found[0])
         return found
 
     def emit_natural(self, expr: s.Expr) -> Type | None:
@@ -354,13 +318,6 @@ class Expressions:
             self._out.emit(f"to.{source.machine}.{target.machine}", None, span)
 
 
-def compare_strings(out: Emitter, op: str, of: StringType, span: Span) -> None:
-    """Compare the two strings whose addresses are on the stack."""
-    out.emit("builtin", f"string.compare.{'w' if of.wide else 's'}", span)
-    out.emit("const", ("i64", 0), span)
-    out.emit(f"{COMPARISON[op]}.i64", None, span)
-
-
 def default_type(expr: s.Expr, of: Type) -> Type:
     """Return the type that literals take where nothing around them asks for one."""
     if of is REAL_LITERAL:
@@ -373,13 +330,17 @@ def default_type(expr: s.Expr, of: Type) -> Type:
         if isinstance(each, s.Binary):
             pending += [each.left, each.right]
         elif isinstance(each, s.Literal):
-            high = max(high, int(each.value))
+            high = max(high, each.value if isinstance(each.value, int) else 0)
         elif isinstance(each, s.Unary) and isinstance(each.operand, s.Literal):
-            low = min(low, -int(each.operand.value))
+            low = min(low, -each.operand.value if isinstance(each.operand.value, int) else 0)
         elif isinstance(each, s.Unary):
             pending.append(each.operand)
         elif isinstance(each, s.Call):
-            pending += [argument.value for argument in each.arguments]
+            row = functions.find(each.name)
+            if row is not None and row.natural is not None:
+                low, high = min(low, row.natural.low), max(high, row.natural.high)
+            else:
+                pending += [argument.value for argument in each.arguments]
     return next((row for row in (INT, DINT) if row.low <= low and high <= row.high), LINT)
 
 
@@ -398,7 +359,8 @@ def _literal_type(expr: s.Literal, out: Emitter) -> Type | None:
             return None
         return found[1]
     if expr.kind == "string":
-        return StringType(max(1, len(str(expr.value))), expr.type == "WSTRING")
+        units = len(str(expr.value).encode("utf-16-le", "surrogatepass")) // 2
+        return StringType(max(1, units), expr.type == "WSTRING")
     if expr.kind in ("time", "date", "tod", "dt"):
         return TIME if expr.kind == "time" else ELEMENTARY[_DATE_TYPES[expr.kind]]
     if expr.type:

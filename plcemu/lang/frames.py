@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from plcemu.lang.types import BlockType
+from plcemu.lang.types import BlockType, default_bytes
 
 
 class Functions:
@@ -27,6 +27,7 @@ class Functions:
         for block in blocks:
             self._blocks[block.name.upper()] = block
             self._frames[block.name.upper()] = self.end
+            self.initial.append((self.end, default_bytes(block)))  # its constants stay as they are
             self.end += block.size
 
     def allocate(self, data: bytes) -> int:

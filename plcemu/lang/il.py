@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plcemu.base.errors import did_you_mean
+from plcemu.base.spans import Span
+from plcemu.lang import functions
 from plcemu.lang import syntax as s
 from plcemu.lang.cursor import RESERVED, Cursor, NestedTooDeeply, SyntaxFailure
-from plcemu.lang.st import name_from, parse_arguments
+from plcemu.lang.lexer import Token
+from plcemu.lang.literals import LITERAL_KINDS
+from plcemu.lang.st import name_from, parse_arguments, parse_expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +20,7 @@ class Operator:
 
     Attributes:
         modifiers: of `N`, `C` and `(`, those it takes.
-        operand: `value`, `variable`, `label`, `call` or `none`.
+        operand: `value`, `variable`, `label`, `call`, `instance` or `none`.
     """
 
     modifiers: str
@@ -38,7 +42,9 @@ OPERATORS: dict[str, Operator] = {
     "JMP": Operator("CN", "label"),
     "CAL": Operator("CN", "call"),
     "RET": Operator("CN", "none"),
+    **{op: Operator("", "instance") for op in ("S1", "R1", "CLK", "CU", "CD", "PV", "IN", "PT")},
 }
+"""Table 52; the last row are the inputs of standard function blocks of table 54."""
 
 _SPELLINGS: dict[str, tuple[str, bool, bool]] = {}
 for _op, _row in OPERATORS.items():
@@ -56,12 +62,34 @@ _CLOSERS = ("END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "
 def looks_like_il(cursor: Cursor) -> bool:
     """Whether a body that starts here is IL: no statement of ST begins like its first line."""
     token, following = cursor.token, cursor.peek()
+    if is_function(cursor, token) and following.text not in (":=", ".", "[", ";", ":"):
+        return following.text != "(" or _behind_parenthesis(cursor).text != ";"
     if token.kind == "name" and following.text == ":":
         third = cursor.peek(2)
         return third.starts_line or third.upper in _SPELLINGS or third.upper in RESERVED
+    if token.upper in _SPELLINGS and following.text == "(" and not following.starts_line \
+            and "(" not in OPERATORS[_SPELLINGS[token.upper][0]].modifiers:
+        return False  # a call of an instance that is named like an operator
     if token.upper in _SPELLINGS:
         return following.text not in (":=", ".", "[", ";") or following.starts_line
     return _misspelt(cursor)
+
+
+def is_function(cursor: Cursor, token: Token) -> bool:
+    """Whether a token is the name of a function that is no operator by itself."""
+    return token.kind == "name" and token.upper not in _SPELLINGS \
+        and (token.upper in cursor.functions or functions.find(token.upper) is not None)
+
+
+def _behind_parenthesis(cursor: Cursor) -> Token:
+    """Return the token behind the parenthesis that opens after the one at the cursor."""
+    ahead, depth = 1, 0
+    while cursor.peek(ahead).kind != "end":
+        depth += {"(": 1, ")": -1}.get(cursor.peek(ahead).text, 0)
+        ahead += 1
+        if not depth:
+            break
+    return cursor.peek(ahead)
 
 
 def _misspelt(cursor: Cursor) -> bool:
@@ -73,7 +101,7 @@ def _misspelt(cursor: Cursor) -> bool:
         if cursor.peek(ahead).text in (";", ":=", "=", "("):
             return False
         ahead += 1
-    return ahead > 1 and cursor.peek().kind in ("name", "direct", "int", "real", "bool", "time")
+    return ahead > 1 and cursor.peek().kind in ("name", "direct", *LITERAL_KINDS)
 
 
 def parse_il(cursor: Cursor) -> s.IlBody:
@@ -93,7 +121,7 @@ def _instructions(cursor: Cursor, closers: tuple[str, ...]) -> tuple[s.Instructi
         begin = cursor.index
         try:
             if found and not cursor.token.starts_line and cursor.token.upper not in _SPELLINGS \
-                    and cursor.previous.text != ";":
+                    and not is_function(cursor, cursor.token) and cursor.previous.text != ";":
                 raise cursor.failure("the end of the line")
             found.append(_instruction(cursor))
         except SyntaxFailure as failure:
@@ -129,6 +157,8 @@ def _instruction(cursor: Cursor) -> s.Instruction:
         cursor.advance()
         if cursor.token.starts_line or cursor.at(*_CLOSERS):
             return s.Instruction(start, label, "")
+    if is_function(cursor, cursor.token) or _is_formal(cursor):
+        return _function(cursor, start, label)
     op, negated, conditional = _operator(cursor)
     kind = OPERATORS[op].operand
     if kind == "value":
@@ -146,6 +176,8 @@ def _instruction(cursor: Cursor) -> s.Instruction:
         target = cursor.identifier(f"a label after {op}")
         operand = s.Name(target.span, (target.text,))
         return s.Instruction(start.to(target.span), label, op, negated, conditional, operand)
+    if kind == "instance":
+        return _input(cursor, s.Instruction(start, label, op))
     return _call(cursor, s.Instruction(start, label, op, negated, conditional))
 
 
@@ -162,7 +194,8 @@ def _operator(cursor: Cursor) -> tuple[str, bool, bool]:
                 cursor.report.error("P0013", token.span, f"{base} takes no modifier "
                                     f"{spelling[len(base):]!r}")
                 raise SyntaxFailure
-            hint = did_you_mean(spelling, _SPELLINGS).removeprefix("; ")
+            known = [*_SPELLINGS, *functions.NAMES, *cursor.functions]
+            hint = did_you_mean(spelling, known).removeprefix("; ")
             cursor.report.error("P0012", token.span, f"{token.text!r} is not an IL operator", hint)
             raise SyntaxFailure
         raise cursor.failure("an IL operator")
@@ -179,9 +212,13 @@ def _on_its_line(cursor: Cursor, op: str) -> None:
 def _operand(cursor: Cursor, op: str) -> s.Expr:
     """Parse an operand: a literal, a variable or an address on the operator's own line."""
     _on_its_line(cursor, op)
+    return _next_operand(cursor, op)
+
+
+def _next_operand(cursor: Cursor, op: str) -> s.Expr:
     sign = cursor.token.span if cursor.at("-", "+") else None
     literal = cursor.peek() if sign else cursor.token
-    if literal.kind in ("int", "real", "time", "bool", "string"):
+    if literal.kind in LITERAL_KINDS:
         negative = sign is not None and cursor.advance().text == "-"
         cursor.advance()
         value = s.Literal(literal.span, literal.kind, literal.value, literal.type)
@@ -199,6 +236,8 @@ def _operand(cursor: Cursor, op: str) -> s.Expr:
 def _with_value(cursor: Cursor, head: s.Instruction) -> s.Instruction:
     if not cursor.at("(") or cursor.token.starts_line:
         operand = _operand(cursor, head.op)
+        if cursor.at(",") and not head.negated and "(" in OPERATORS[head.op].modifiers:
+            return _with_operands(cursor, head, head.op, operand)
         return s.Instruction(head.span.to(operand.span), head.label, head.op, head.negated,
                              False, operand)
     if "(" not in OPERATORS[head.op].modifiers:
@@ -232,7 +271,74 @@ def _call(cursor: Cursor, head: s.Instruction) -> s.Instruction:
     if not isinstance(name, s.Name):
         cursor.report.error("P0013", name.span, "CAL takes a function block instance")
         raise SyntaxFailure
-    arguments = parse_arguments(cursor) if cursor.at("(") else ()
+    arguments = parse_arguments(cursor, _argument) if cursor.at("(") else ()
     return s.Instruction(head.span.to(cursor.previous.span), head.label, head.op, head.negated,
                          head.conditional, name, None, arguments)
+
+
+def _input(cursor: Cursor, head: s.Instruction) -> s.Instruction:
+    """Parse the instance after an input operator such as CU (table 53, feature 3)."""
+    name = _operand(cursor, head.op)
+    if not isinstance(name, s.Name):
+        cursor.report.error("P0013", name.span, f"{head.op} takes a function block instance")
+        raise SyntaxFailure
+    return input_operator(head, name)
+
+
+def input_operator(head: s.Instruction, instance: s.Name) -> s.Instruction:
+    """Return the instruction that gives the current result to the input its operator names."""
+    argument = s.Argument(head.span, head.op, instance)
+    return s.Instruction(head.span.to(instance.span), head.label, "INPUT", False, False, instance,
+                         None, (argument,))
+
+
+# ---------------------------------------------------------------- functions as operators
+
+
+def _is_formal(cursor: Cursor) -> bool:
+    """Whether an operator such as ADD is called formally here: `ADD(IN1 := a, IN2 := b)`."""
+    return cursor.peek().text == "(" and cursor.word in OPERATORS \
+        and cursor.peek(2).kind == "name" and cursor.peek(3).text == ":=" \
+        and "(" in OPERATORS[cursor.word].modifiers
+
+
+def _function(cursor: Cursor, start: Span, label: str) -> s.Instruction:
+    """Parse a function's call, with all arguments in parentheses or with the further operands."""
+    token = cursor.advance()
+    head = s.Instruction(start, label, "FUNCTION")
+    if cursor.at("(") and not cursor.token.starts_line:
+        arguments = parse_arguments(cursor, _argument)
+        return s.Instruction(start.to(cursor.previous.span), label, "FUNCTION(",
+                             operand=s.Name(token.span, (token.text,)), arguments=arguments)
+    if cursor.token.starts_line or cursor.at_end() or cursor.at(";", ")"):
+        name = s.Name(token.span, (token.text,))
+        return replace(head, span=start.to(token.span), operand=name)
+    return _with_operands(cursor, head, token.text, _operand(cursor, token.text))
+
+
+def _with_operands(cursor: Cursor, head: s.Instruction, name: str,
+                   first: s.Expr) -> s.Instruction:
+    """Parse further operands after the first; a comma may end the line."""
+    operands = [first]
+    while cursor.accept(","):
+        operands.append(_next_operand(cursor, name))
+    arguments = tuple(s.Argument(each.span, "", each) for each in operands)
+    return s.Instruction(head.span.to(cursor.previous.span), head.label, "FUNCTION",
+                         operand=s.Name(head.span, (name,)), arguments=arguments)
+
+
+def _argument(cursor: Cursor) -> s.Expr:
+    """Parse an argument's value: instructions in parentheses, which begin with LD, or an operand."""
+    if not (cursor.at("(") and cursor.peek().upper in ("LD", "LDN")
+            and cursor.peek(2).kind not in ("op", "end")):
+        return parse_expression(cursor)
+    start = cursor.token.span
+    cursor.enter()
+    try:
+        cursor.advance()
+        inner = _instructions(cursor, (")", *_CLOSERS))
+    finally:
+        cursor.leave()
+    cursor.expect(")", "to close the instructions of an argument", "P0011")
+    return s.Nested(start.to(cursor.previous.span), inner)
 

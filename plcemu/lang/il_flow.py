@@ -58,7 +58,7 @@ def _takes(each: s.Instruction, at_end: bool) -> bool | None:
         return None
     if each.op == "RET" and not each.conditional:
         return at_end
-    return each.op != "LD"
+    return each.op not in ("LD", "FUNCTION(")
 
 
 def _next(each: s.Instruction, n: int, labels: dict[str, int], end: int) -> int:

@@ -15,13 +15,20 @@ _GAP = 64
 
 
 class Image:
-    """The stretches of the process image that a program uses, at the start of memory."""
+    """The stretches of the process image that a program uses, at the start of memory.
+
+    Attributes:
+        extents: the stretches.
+        missing: what `stretch` was asked for in vain; an image with these is to be made instead.
+        size: bytes of all stretches.
+    """
 
     def __init__(self, addresses: Iterable[Address]) -> None:
         used: dict[str, list[int]] = {}
         for address in addresses:
             used.setdefault(address.area, []).append(address.index)
         self.extents: list[ImageExtent] = []
+        self.missing: list[Address] = []
         self.size = 0
         for area in sorted(used):
             for first, last in _runs(sorted(set(used[area])), area[1] == "X"):
@@ -36,6 +43,15 @@ class Image:
             if extent.area == address.area and 0 <= address.index - extent.first < extent.count:
                 return extent.offset + (address.index - extent.first) * SIZES[address.area[1]]
         raise KeyError(str(address))
+
+    def stretch(self, address: Address, count: int) -> int:
+        """Return where so many elements stand; if they are not in one extent they are `missing`."""
+        for extent in self.extents:
+            first = address.index - extent.first
+            if extent.area == address.area and 0 <= first and first + count <= extent.count:
+                return extent.offset + first * SIZES[address.area[1]]
+        self.missing += [Address(address.area, address.index + n) for n in range(count)]
+        return 0
 
 
 def _runs(indices: list[int], bits: bool) -> list[tuple[int, int]]:

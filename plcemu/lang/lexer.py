@@ -5,14 +5,13 @@ The lexer never stops at a mistake: it reports it and goes on with the next char
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from plcemu.base.spans import Source, Span
-from plcemu.base.time import DurationError, parse_duration_ns
-from plcemu.base.types import ELEMENTARY
+from plcemu.base.time import DurationError
+from plcemu.base.types import Value
+from plcemu.lang.literals import MAKERS, MalformedLiteral
 from plcemu.lang.report import Report
 
 SOURCE_LIMIT = 10_000_000
@@ -24,10 +23,11 @@ class Token:
     """One token.
 
     Attributes:
-        kind: `name`, `int`, `real`, `time`, `bool`, `string`, `direct`, `op`, `bad` (reported
-            already) or `end`.
+        kind: `name`, `int`, `real`, `time`, `bool`, `string`, `date`, `tod`, `dt`, `direct`, `op`,
+            `bad` (reported already) or `end`.
         text: as written.
-        value: of a literal: int, float, ns, bool or text.
+        value: of a literal: int, float, bool or text; times in ns, dates in ns since 1970-01-01,
+            times of day in ns since midnight.
         type: the type written before a `#`, or empty.
         starts_line: whether it is the first token on its line.
     """
@@ -35,7 +35,7 @@ class Token:
     kind: str
     text: str
     span: Span
-    value: int | float | str | bool = 0
+    value: Value = 0
     type: str = ""
     starts_line: bool = False
 
@@ -52,15 +52,16 @@ _TOKEN = re.compile(r"""
   | (?P<comment>\(\*|/\*)
   | (?P<pragma>\{[^}\n]*\})
   | (?P<time>(?:[Ll]?[Tt][Ii][Mm][Ee]|[Ll]?[Tt])\#-?[0-9][0-9A-Za-z_.]*)
+  | (?P<date>(?i:L?(?:DATE|D|TIME_OF_DAY|TOD|DATE_AND_TIME|DT))\#[0-9][0-9_]*(?:[-:.][0-9_]+)*)
+  | (?P<string>(?:(?i:W?STRING)\#)?(?:'(?:\$.|[^$'\n])*'|"(?:\$.|[^$"\n])*"))
   | (?P<typed>[A-Za-z_][A-Za-z0-9_]*\#(?:[0-9]+\#[0-9A-Fa-f_]+|[+-]?[0-9][0-9_]*(?:\.[0-9][0-9_]*)?
         (?:[eE][+-]?[0-9]+)?|[A-Za-z_][A-Za-z0-9_]*))
   | (?P<based>(?:2|8|16)\#[0-9A-Fa-f_]*)
-  | (?P<real>[0-9][0-9_]*\.[0-9][0-9_]*(?:[eE][+-]?[0-9]+)?)
+  | (?P<real>[0-9][0-9_]*(?:\.[0-9][0-9_]*(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+(?!\w)))
   | (?P<int>[0-9][0-9_]*)
   | (?P<direct>%[A-Za-z*][A-Za-z0-9.*]*)
   | (?P<name>[A-Za-z_][A-Za-z0-9_]*+(?!\w))
   | (?P<foreign>[^\W\d]\w*)
-  | (?P<string>'(?:\$.|[^$'\n])*'|"(?:\$.|[^$"\n])*")
   | (?P<op>:=|=>|<>|<=|>=|\*\*|\.\.|[-+*/()\[\],;:=<>&.\#])
 """, re.VERBOSE)
 
@@ -131,7 +132,7 @@ def _skip_comment(source: Source, start: int, report: Report) -> int | None:
 
 
 def _token(kind: str, text: str, span: Span, fresh: bool, report: Report) -> Token:
-    maker = _LITERALS.get(kind)
+    maker = MAKERS.get(kind)
     if maker is None:
         if kind == "name" and text.upper() in ("TRUE", "FALSE"):
             return Token("bool", text, span, text.upper() == "TRUE", "", fresh)
@@ -139,65 +140,9 @@ def _token(kind: str, text: str, span: Span, fresh: bool, report: Report) -> Tok
     try:
         made, value, type_name = maker(text)
     except (ValueError, DurationError) as problem:
-        report.error("P0003", span, f"malformed literal {text!r}", str(problem))
+        place = span
+        if isinstance(problem, MalformedLiteral):
+            place = Span(span.source, span.start + problem.begin, span.start + problem.end)
+        report.error("P0003", place, f"malformed literal {text!r}", str(problem))
         made, value, type_name = "int", 0, ""
     return Token(made, text, span, value, type_name, fresh)
-
-
-def _digits(text: str) -> str:
-    if text.endswith("_") or "__" in text:
-        raise ValueError("single underscores may stand between digits only")
-    return text.replace("_", "")
-
-
-def _integer(text: str) -> tuple[str, int, str]:
-    base, digits = text.split("#") if "#" in text else ("10", text)
-    if base not in ("2", "8", "10", "16"):
-        raise ValueError("numbers are written to the base 2, 8, 10 or 16")
-    digits = _digits(digits)
-    try:
-        return "int", int(digits, int(base)), ""
-    except ValueError:
-        raise ValueError(f"these are no digits of a whole number to the base {base}") from None
-
-
-def _real(text: str) -> tuple[str, float, str]:
-    value = float(_digits(text))
-    if not math.isfinite(value):
-        raise ValueError("no REAL or LREAL is that large")
-    return "real", value, ""
-
-
-def _time(text: str) -> tuple[str, int, str]:
-    name = "LTIME" if text[0] in "lL" else "TIME"
-    return "time", parse_duration_ns("T#" + text.split("#", 1)[1]), name
-
-
-def _string(text: str) -> tuple[str, str, str]:
-    return "string", text[1:-1], "WSTRING" if text[0] == '"' else "STRING"
-
-
-def _typed(text: str) -> tuple[str, int | float | str | bool, str]:
-    type_name, rest = text.split("#", 1)
-    type_name = type_name.upper()
-    if type_name not in ELEMENTARY:
-        return "string", rest, type_name + "#"
-    kind = ELEMENTARY[type_name].kind
-    if kind == "bool":
-        values = {"0": False, "1": True, "FALSE": False, "TRUE": True}
-        if rest.upper() not in values:
-            raise ValueError("write BOOL#TRUE or BOOL#FALSE")
-        return "bool", values[rest.upper()], type_name
-    if kind == "float":
-        return "real", _real(rest)[1], type_name
-    sign = -1 if rest.startswith("-") else 1
-    value = sign * _integer(rest.lstrip("+-"))[1]
-    row = ELEMENTARY[type_name]
-    if not row.low <= value <= row.high:
-        raise ValueError(f"{type_name} holds {row.low} to {row.high}")
-    return "int", value, type_name
-
-
-_LITERALS: dict[str, Callable[[str], tuple[str, int | float | str | bool, str]]] = {
-    "int": _integer, "based": _integer, "real": _real, "time": _time,
-    "string": _string, "typed": _typed}

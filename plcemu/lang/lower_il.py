@@ -8,23 +8,20 @@ wanted behind a label, where the IR's stack is empty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plcemu.base.spans import Span
+from plcemu.base.types import ElementaryType, StringType
 from plcemu.ir.program import Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
-from plcemu.lang.expressions import (
-    COMPARISON,
-    Expressions,
-    default_type,
-    operand_type,
-    operation,
-    second_type,
-)
+from plcemu.lang.expressions import Expressions, default_type
+from plcemu.lang.gates import Gate, gated
+from plcemu.lang.il import input_operator
 from plcemu.lang.il_flow import find_blocks, find_labels, find_wanted, is_jump
 from plcemu.lang.lower_st import Statements
-from plcemu.lang.types import BOOL, Place, Type, widens
+from plcemu.lang.operators import apply_operator, operand_type, result_type, second_type
+from plcemu.lang.types import BOOL, BlockType, Place, Type, widens
 
 
 @dataclass(slots=True)
@@ -63,7 +60,7 @@ class InstructionList:
 
     def lower(self, body: s.IlBody) -> None:
         """Append the code of a body, without the final return."""
-        instructions = body.instructions
+        instructions = [self._operator_of_input(each) for each in body.instructions]
         self._labels = find_labels(instructions)
         self._wanted = find_wanted(instructions, self._labels, bool(self._out.result))
         self._report_doubles(instructions)
@@ -174,12 +171,16 @@ class InstructionList:
         of = self._to_stack(span)
         if of is None:
             return None
+        self._result = _Result("local", of, None, self._spill(of))
+        self._out.emit("set", self._result.local, span)
+        return of
+
+    def _spill(self, of: Type) -> int:
+        """Return the local in which the current result is kept at this depth of parentheses."""
         key = (self._depth, of.machine)
         if key not in self._spills:
             self._spills[key] = self._out.new_local(of.machine)
-        self._out.emit("set", self._spills[key], span)
-        self._result = _Result("local", of, None, self._spills[key])
-        return of
+        return self._spills[key]
 
     def _taken(self, wanted: bool, span: Span) -> Type | None:
         """Push the current result for one use, keeping it if it is wanted later."""
@@ -246,9 +247,96 @@ class InstructionList:
             self._forget(each.span)
         elif self._result.where == "stack":
             self._to_local(each.span)
-        self._statements.invoke(s.Invoke(each.span, each.operand, each.arguments))
+        self._statements.invoke(s.Invoke(each.span, each.operand, self._arguments(each)))
         if skip is not None:
             self._out.emit("label", skip, each.span)
+
+    def _operator_of_input(self, each: s.Instruction) -> s.Instruction:
+        """Take LD, S and R for inputs if their operand is a function block instance (table 54)."""
+        if each.op not in ("LD", "S", "R") or each.negated or not isinstance(each.operand, s.Name):
+            return each
+        head = self._out.scope.find(each.operand.head.upper())
+        if head is None or isinstance(head.type, ElementaryType | StringType):
+            return each
+        place = self._out.place(each.operand)
+        is_block = place is not None and isinstance(place.type, BlockType) \
+            and place.type.kind == "FUNCTION_BLOCK"
+        return input_operator(each, each.operand) if is_block else each
+
+    def _input(self, each: s.Instruction, wanted: bool) -> None:
+        """Give the current result to an input and call the function block (table 53, feature 3)."""
+        assert isinstance(each.operand, s.Name)
+        value = self._as_operand(each.span)
+        if value is not None:
+            name = each.arguments[0].name
+            argument = s.Argument(each.span, name, value)
+            self._statements.invoke(s.Invoke(each.span, each.operand, (argument,)))
+
+    # ------------------------------------------------------------ functions
+
+    def _function(self, each: s.Instruction) -> None:
+        """Call a function; its value is the new current result (table 53)."""
+        assert isinstance(each.operand, s.Name)
+        first: tuple[s.Argument, ...] = ()
+        if each.op == "FUNCTION":
+            value = self._as_operand(each.span)
+            if value is None:
+                return
+            first = (s.Argument(value.span, "", value),)
+        else:
+            self._forget(each.span)
+        call = s.Call(each.span, each.operand.head, first + self._arguments(each))
+        gate, call = self._statements.ungated(call)
+        if gate:
+            self._gated(call, gate)
+            return
+        of = self._expressions.emit_natural(call)
+        self._result = _Result("unknown") if of is None else _Result("stack", of)
+
+    def _gated(self, call: s.Call, gate: Gate) -> None:
+        """Call a function with EN and ENO; while EN is FALSE the current result is 0."""
+        of = self._expressions.infer(call)
+        if of is None or self._depth or not isinstance(of, ElementaryType):
+            if of is not None:
+                self._out.report.error("P0090", call.span, "EN and ENO are not supported here yet")
+            self._fail()
+            return
+        of = default_type(call, of)
+        local = self._spill(of)
+        self._out.emit("const", (of.machine, 0), call.span)
+        self._out.emit("set", local, call.span)
+        with gated(self._statements, gate):
+            if self._expressions.emit(call, of):
+                self._out.emit("set", local, call.span)
+        self._result = _Result("local", of, None, local)
+
+    def _as_operand(self, span: Span) -> s.Expr | None:
+        """Return the current result as an operand of an expression; None after a mistake."""
+        if not self._is_there(span):
+            return None
+        if self._result.where == "literal":
+            return self._result.literal
+        of = self._to_local(span)
+        return None if of is None else self._named(self._result.local, of, span)
+
+    def _named(self, local: int, of: Type, span: Span) -> s.Name:
+        name = f"the current result {local}"
+        self._out.name_local(name, local, of)
+        return s.Name(span, (name,))
+
+    def _arguments(self, each: s.Instruction) -> tuple[s.Argument, ...]:
+        """Return a call's arguments, those in the form of instructions put into locals first."""
+        return tuple(replace(a, value=self._nested_argument(a.value))
+                     if isinstance(a.value, s.Nested) else a for a in each.arguments)
+
+    def _nested_argument(self, value: s.Nested) -> s.Expr:
+        kept = self._result
+        of = self._nested(s.Instruction(value.span, "", "", nested=value.instructions), None)
+        self._result = kept
+        local = self._out.new_local((of or BOOL).machine)
+        if of is not None:
+            self._out.emit("set", local, value.span)
+        return self._named(local, of or BOOL, value.span)
 
     def _return(self, each: s.Instruction, wanted: bool) -> None:
         has_value = bool(self._out.result)
@@ -275,13 +363,16 @@ class InstructionList:
             self._load(each)
         elif each.op in ("ST", "S", "R"):
             self._store(each, wanted)
-        elif each.op in ("JMP", "CAL", "RET"):
+        elif each.op in ("JMP", "CAL", "RET", "INPUT"):
             if self._depth:
-                self._out.report.error("P0013", each.span,
-                                       f"no {each.op} can stand in a parenthesis")
+                op = each.arguments[0].name if each.op == "INPUT" else each.op
+                self._out.report.error("P0013", each.span, f"no {op} can stand in a parenthesis")
                 self._fail()
                 return
-            {"JMP": self._jump, "CAL": self._call, "RET": self._return}[each.op](each, wanted)
+            {"JMP": self._jump, "CAL": self._call, "RET": self._return,
+             "INPUT": self._input}[each.op](each, wanted)
+        elif each.op in ("FUNCTION", "FUNCTION("):
+            self._function(each)
         elif each.op == "NOT":
             self._not(each)
         elif each.nested is not None:
@@ -368,7 +459,7 @@ class InstructionList:
             self._fail()
         elif self._to_stack(each.span, common) is not None:
             if self._expressions.emit(each.operand, second_type(op, common, right)):
-                self._apply(each, common)
+                self._apply(each, common, right)
             else:
                 self._fail()
 
@@ -384,12 +475,12 @@ class InstructionList:
             return max((default_type(x, common) for x in literals), key=lambda of: of.size)
         return common
 
-    def _apply(self, each: s.Instruction, common: Type) -> None:
+    def _apply(self, each: s.Instruction, common: Type, right: Type) -> None:
         op = _plain(each)
         if each.negated:
             self._out.emit(f"not.{common.machine}", None, each.span)
-        self._out.emit(operation(op, common), None, each.span)
-        self._result = _Result("stack", BOOL if op in COMPARISON else common)
+        apply_operator(self._out, op, common, right, each.span)
+        self._result = _Result("stack", result_type(op, common, right))
 
     def _parenthesis(self, each: s.Instruction) -> None:
         """Defer an operator: its operand is what the nested instructions leave (table 51)."""
@@ -412,7 +503,7 @@ class InstructionList:
         self._expressions.convert(right, second, each.span)
         if left.where == "literal" or common != left.type:
             self._slip_under(left, common, second, each.span)
-        self._apply(each, common)
+        self._apply(each, common, right)
 
     def _nested(self, each: s.Instruction, left: _Result | None) -> Type | None:
         """Push what the instructions between the parentheses leave, and return its type."""

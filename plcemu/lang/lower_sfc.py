@@ -15,7 +15,8 @@ from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.report import Report
-from plcemu.lang.scope import CONTROLLED, Scope
+from plcemu.lang.scope import CONTROLLED, Scope, was_active
+from plcemu.lang.sfc_net import Net
 from plcemu.lang.types import BOOL, TIME
 
 FunctionMaker = Callable[[str, s.IlBody | s.StBody | s.Expr, str], str]
@@ -46,10 +47,10 @@ class Chart:
         """Append the code of the chart."""
         self._bodies = {a.name.upper(): self._make(a.name, a.body, "") for a in body.actions}
         self._names = [a.name for a in body.actions]
-        conditions = [self._make(t.name or f"transition_{n + 1}", t.condition, "bool")
-                      for n, t in enumerate(body.transitions)]
+        conditions = self._conditions(body)
         if not self._is_sound(body):
             return
+        self._check_indicators(body)
         self._declare_flags(body)
         # The initial situation is taken on the first scan; transitions count from the second.
         span = body.span
@@ -59,6 +60,47 @@ class Chart:
         clocks = tuple(_clock(step) for step in body.steps)
         actions = [made for use in self._uses(body) for made in self._action(use)]
         Statements(self._out, of_chart=True).lower((begin, *clocks, *actions))
+
+    # ------------------------------------------------------------ conditions
+
+    def _conditions(self, body: s.SfcBody) -> list[str]:
+        """Return the function of each transition's condition; named ones are made once."""
+        named: dict[str, str] = {}
+        for each in body.conditions:
+            if each.name.upper() in named:
+                self._report.error("P0021", each.span, f"condition {each.name!r} stands twice")
+            elif each.condition is not None:
+                named[each.name.upper()] = self._make(each.name, each.condition, "bool")
+        made, taken = [], set(named)
+        for n, transition in enumerate(body.transitions):
+            found = self._named_condition(transition, named)
+            if found is None and transition.condition is not None:
+                self._name_once(transition, taken)
+                found = self._make(transition.name or f"transition_{n + 1}", transition.condition,
+                                   "bool")
+            made.append(found or "")
+        return made
+
+    def _named_condition(self, transition: s.Transition, named: dict[str, str]) -> str | None:
+        """Return the function of a condition that stands elsewhere under a name, if it is meant."""
+        condition = transition.condition
+        if condition is None:
+            if transition.name.upper() not in named:
+                self._report.error("P0020", transition.span, f"transition {transition.name!r} has no "
+                                   "condition, and none of this name is declared",
+                                   did_you_mean(transition.name, list(named)).removeprefix("; "))
+            return named.get(transition.name.upper())
+        if not isinstance(condition, s.Name) or len(condition.parts) != 1 \
+                or condition.head.upper() in self._scope.places:
+            return None
+        return named.get(condition.head.upper())
+
+    def _name_once(self, transition: s.Transition, taken: set[str]) -> None:
+        """Report a second transition of a name."""
+        if transition.name and transition.name.upper() in taken:
+            self._report.error("P0021", transition.span,
+                               f"transition {transition.name!r} stands twice")
+        taken.add(transition.name.upper())
 
     # ------------------------------------------------------------ soundness
 
@@ -76,8 +118,9 @@ class Chart:
                                        hint.removeprefix("; "))
                     sound = False
         self._unique(body)
-        if not self._report.has_errors:
+        if not self._report.has_errors and sound:
             self._reachable(body, steps)
+            self._explore(body)
         return sound
 
     def _unique(self, body: s.SfcBody) -> None:
@@ -108,6 +151,28 @@ class Chart:
             if key not in reached:
                 self._report.warning("P0055", step.span, f"nothing reaches step {step.name!r}")
 
+    def _explore(self, body: s.SfcBody) -> None:
+        """Warn of what the net of the chart, without times and conditions, cannot do or should not."""
+        found = Net(body).explore()
+        if found.unsafe is not None:
+            number, step = found.unsafe
+            self._report.warning("P0056", body.transitions[number].span, f"this transition may activate "
+                                 f"step {step} while it is active", "it stays active once")
+        for number in found.dead:
+            sources = ", ".join(name.head for name in body.transitions[number].sources)
+            self._report.warning("P0057", body.transitions[number].span, "this transition never fires: "
+                                 f"steps {sources} are never active together")
+
+    def _check_indicators(self, body: s.SfcBody) -> None:
+        """See that the indicators of action blocks are BOOL variables; the chart does not set them."""
+        for step in body.steps:
+            for each in step.associations:
+                for indicator in each.indicators:
+                    found = self._out.value_place(indicator)
+                    if found is not None and found[1] != BOOL:
+                        self._report.error("P0023", indicator.span, "an indicator is a BOOL "
+                                           f"variable, this is {found[1].name}")
+
     def _declare_flags(self, body: s.SfcBody) -> None:
         for step in body.steps:
             self._out.declare_local(f"__on_{step.name}", BOOL)
@@ -134,13 +199,30 @@ class Chart:
             active = _name(use.span, control, "Q")
         body = self._bodies.get(use.name.upper())
         if body is not None:
-            run = s.RunAction(use.span, body)
-            return [*statements, s.If(use.span, ((active, (run,)),))]
-        if not self._is_boolean_variable(use):
+            return [*statements, *self._run(use, body, active)]
+        variable = use.uses[0][1].variable or _name(use.span, use.name)
+        if not self._is_boolean_variable(use, variable):
             return []
-        return [*statements, s.Assign(use.span, _name(use.span, use.name), active)]
+        return [*statements, s.Assign(use.span, variable, active)]
 
-    def _is_boolean_variable(self, use: _ActionUse) -> bool:
+    def _run(self, use: _ActionUse, body: str, active: s.Expr) -> list[s.Statement]:
+        """Return what runs an action's body: while it is active and, with the final scan, once more."""
+        span, run = use.span, s.RunAction(use.span, body)
+        if was_active(use.name) not in self._scope.places:
+            return [s.If(span, ((active, (run,)),))]
+        # The pulses P1 and P0 run it without a final scan of their own (figures 14 and 15).
+        now, was = f"__now_{use.name.upper()}", _name(span, was_active(use.name))
+        self._out.declare_local(now, BOOL)
+        pulses = _any([_pulse(step, a) for step, a in use.uses if a.qualifier in ("P1", "P0")], span)
+        resets = _any([_name(span, step.name, "X") for step, a in use.uses if a.qualifier == "R"], span)
+        runs = _any([_name(span, now), was,
+                     _all([pulses, s.Unary(span, "NOT", resets)], span)], span)
+        return [s.Assign(span, _name(span, now), active), s.If(span, ((runs, (run,)),)),
+                s.Assign(span, was, _name(span, now))]
+
+    def _is_boolean_variable(self, use: _ActionUse, variable: s.Name | s.Direct) -> bool:
+        if isinstance(variable, s.Direct) or len(variable.parts) > 1:
+            return self._is_boolean_part(variable)
         place = self._scope.places.get(use.name.upper())
         if place is not None and place.type == BOOL and not place.read_only:
             return True
@@ -153,9 +235,19 @@ class Chart:
                            did_you_mean(use.name, known).removeprefix("; "))
         return False
 
+    def _is_boolean_part(self, variable: s.Name | s.Direct) -> bool:
+        found = self._out.value_place(variable)
+        if found is not None and found[1] != BOOL:
+            self._report.error("P0054", variable.span, f"an action is a BOOL variable, this is "
+                               f"{found[1].name}")
+        return found is not None and found[1] == BOOL
+
     def _command(self, use: _ActionUse) -> s.Expr:
         """Return when the action runs by the qualifiers that need no memory: N, P, P1 and P0."""
-        terms = [_pulse(step, a) for step, a in use.uses if a.qualifier not in CONTROLLED]
+        with_final_scan = was_active(use.name) in self._scope.places
+        apart = ("P1", "P0") if with_final_scan else ()
+        terms = [_pulse(step, a) for step, a in use.uses
+                 if a.qualifier not in CONTROLLED and a.qualifier not in apart]
         return _any(terms, use.span)
 
     def _control(self, use: _ActionUse, control: str, active: s.Expr) -> list[s.Statement]:

@@ -9,10 +9,12 @@ from typing import Any
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
 from plcemu.base.types import ElementaryType
+from plcemu.lang import functions
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.expressions import Expressions
 from plcemu.lang.constants import constant_value
+from plcemu.lang.gates import Gate, gated, split
 from plcemu.lang.types import BOOL, BlockType, Place, Type, root
 
 
@@ -36,7 +38,25 @@ class Statements:
             _LOWER[type(statement)](self, statement)
 
     def assign(self, statement: s.Assign) -> None:
-        """`target := value`."""
+        """`target := value`; a call with EN assigns only while EN is TRUE."""
+        if isinstance(statement.value, s.Call):
+            gate, call = self.ungated(statement.value)
+            if gate:
+                with gated(self, gate):
+                    self._assign(replace(statement, value=call))
+                return
+        self._assign(statement)
+
+    def ungated(self, call: s.Call) -> tuple[Gate, s.Call]:
+        """Return the EN and ENO of a function's call, and the call without them."""
+        block = self.out.functions.block(call.name)
+        gate, rest = split(call.arguments, block)
+        again, rest = split(rest, block)
+        for name, argument in again.items():
+            self.out.report.error("P0026", argument.span, f"{name} is given twice")
+        return gate, replace(call, arguments=rest) if gate else call
+
+    def _assign(self, statement: s.Assign) -> None:
         target = self.writable(statement.target)
         if target is None:
             self.expressions.infer(statement.value)
@@ -55,6 +75,7 @@ class Statements:
         if self._is_function(call):
             return
         place = self.out.place(call.instance)
+        self.out.scope.mark(call.instance.head, called=True)
         if place is None:
             return
         block = place.type
@@ -62,6 +83,12 @@ class Statements:
             self.out.report.error("P0026", call.instance.span,
                                   f"{call.instance} is not a function block instance")
             return
+        gate, arguments = split(call.arguments, block)
+        with gated(self, gate):
+            self._invoke(replace(call, arguments=arguments), place, block)
+
+    def _invoke(self, call: s.Invoke, place: Place, block: BlockType) -> None:
+        call = replace(call, arguments=_with_outputs(call.arguments, block))
         self._inputs(call, place, block)
         self.out.push_address(place, call.span)
         self.out.emit("call", block.name.upper(), call.span)
@@ -73,11 +100,13 @@ class Statements:
         """Call a function as a statement, whose value nobody takes, if the name is one's."""
         name = call.instance
         if len(name.parts) != 1 or self.out.scope.find(name.head.upper()) is not None \
-                or self.out.functions.block(name.head) is None:
+                or (self.out.functions.block(name.head) is None
+                    and functions.find(name.head) is None):
             return False
-        value = s.Call(call.span, name.head, call.arguments)
-        if self.expressions.emit_natural(value) is not None:
-            self.out.emit("drop", None, call.span)
+        gate, value = self.ungated(s.Call(call.span, name.head, call.arguments))
+        with gated(self, gate):
+            if self.expressions.emit_natural(value) is not None:
+                self.out.emit("drop", None, call.span)
         return True
 
     def _inputs(self, call: s.Invoke, place: Place, block: BlockType) -> None:
@@ -270,6 +299,21 @@ class Statements:
     def _leave(self, op: str, arg: object, span: Span) -> None:
         self.out.emit(op, arg, span)
         self.out.emit("label", self.out.new_label())
+
+
+def _with_outputs(arguments: tuple[s.Argument, ...],
+                  block: BlockType) -> tuple[s.Argument, ...]:
+    """Give the outputs in an informal list, which stand behind the inputs, their names (table 53)."""
+    fields = [f for f in block.fields.values()
+              if f.section in ("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT")]
+    inputs = sum(f.section != "VAR_OUTPUT" for f in fields)
+    if not inputs < len(arguments) <= len(fields) or any(a.name for a in arguments) \
+            or not all(isinstance(a.value, s.Name | s.Direct)
+                       for f, a in zip(fields, arguments, strict=False)
+                       if f.section == "VAR_OUTPUT"):
+        return arguments
+    return tuple(replace(a, name=f.name, is_output=f.section == "VAR_OUTPUT")
+                 for f, a in zip(fields, arguments, strict=False))
 
 
 _LOWER: dict[type, Callable[[Statements, Any], None]] = {

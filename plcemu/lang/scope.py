@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from plcemu.base.areas import SIZES, Address
+from plcemu.base.areas import Address
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
 from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
@@ -13,16 +13,17 @@ from plcemu.lang import syntax as s
 from plcemu.lang.constants import NotConstant, fold
 from plcemu.lang.cursor import NESTING_LIMIT
 from plcemu.lang.image import Image, name_key, read_address
+from plcemu.lang.located import count_elements, is_inside, misfit
 from plcemu.lang.report import Report
 from plcemu.lang.typebuilder import STRING_LENGTH, TypeBuilder
 from plcemu.lang.types import (
     BOOL,
     CLOCK,
-    ArrayType,
     BlockType,
     EnumType,
     Place,
     Type,
+    default_bytes,
     root,
     step_type,
     widens,
@@ -43,10 +44,11 @@ class Located:
     """A variable with an address."""
 
     name: str
-    type: ElementaryType
+    type: Type
     address: Address
     offset: int
     initial: bytes | None = None
+    retain: bool = False
 
 
 @dataclass(slots=True)
@@ -63,7 +65,10 @@ class Scope:
         unused: variables not yet read or written, by name in capitals.
         constants: values of CONSTANT variables, by name in capitals.
         parent: the global scope, or None.
+        edges: inputs with R_EDGE or F_EDGE: as written, as last seen, and the edge.
         members: names of enumerations.
+        written: the variables that the POU writes, as (base, offset) of their places.
+        called: the function block instances that it calls, likewise.
     """
 
     pou: s.Pou
@@ -75,6 +80,17 @@ class Scope:
     temporaries: dict[str, tuple[s.Variable, ElementaryType]] = field(default_factory=dict)
     unused: dict[str, s.Variable] = field(default_factory=dict)
     constants: dict[str, tuple[Value, ElementaryType]] = field(default_factory=dict)
+    edges: list[tuple[Place, Place, Place, s.Variable]] = field(default_factory=list)
+    written: set[tuple[str, int]] = field(default_factory=set)
+    called: set[tuple[str, int]] = field(default_factory=set)
+
+    def mark(self, name: str, called: bool = False) -> None:
+        """Remember that a variable, as a whole or in part, is written or called here."""
+        place = self.find(name.upper())
+        if place is not None:
+            self.written.add((place.base, place.offset))
+            if called:
+                self.called.add((place.base, place.offset))
 
     def find(self, key: str) -> Place | None:
         """Return the place of a name in capitals, here or among the global variables."""
@@ -119,10 +135,13 @@ class Declarations:
         units: the library's and the user's declarations.
         image: where located variables stand.
         report: takes the mistakes.
+        final_scan: whether actions run once more when they end (2.6.4.5).
     """
 
-    def __init__(self, units: Iterable[s.Unit], image: Image, report: Report) -> None:
+    def __init__(self, units: Iterable[s.Unit], image: Image, report: Report,
+                 final_scan: bool = False) -> None:
         self._image, self._report = image, report
+        self.final_scan = final_scan
         self._pous: dict[str, s.Pou] = {}
         self._types: dict[str, s.TypeDeclaration] = {}
         self._built: dict[str, Type | None] = {}
@@ -282,21 +301,31 @@ class ScopeBuilder:
         made = self.scope.type.add(variable.name, of, section=variable.section, initial=initial,
                                    constant=variable.constant, retain=variable.retain)
         self.scope.places[key] = Place("this", made.offset, of, variable.name, read_only)
+        if variable.edge:
+            self._edge(key, variable, of)
         if variable.section == "VAR" and not variable.constant:
             self.scope.unused[key] = variable
+
+    def _edge(self, key: str, variable: s.Variable, of: Type) -> None:
+        """Let the name stand for the edge: what the caller wrote is seen by no statement."""
+        written = self.scope.places[key]
+        last, now = (replace(written, offset=self.scope.type.add(f"__{variable.name}{n}", of).offset)
+                     for n in ("_last", "_edge"))
+        self.scope.places[key] = now
+        self.scope.edges.append((written, last, now, variable))
 
     def _may_stand(self, variable: s.Variable, of: Type) -> bool:
         """Whether a variable of a type may stand in its section; a mistake goes to the report."""
         kind = self.scope.pou.kind
         is_block = isinstance(of, BlockType) and of.kind == "FUNCTION_BLOCK"
-        if is_block and (kind == "FUNCTION" or variable.section not in (
-                "VAR", "VAR_IN_OUT", "VAR_GLOBAL", "VAR_EXTERNAL")):
+        if variable.section == "VAR_IN_OUT" and kind == "PROGRAM":
+            self._report.error("P0090", variable.span,
+                               "VAR_IN_OUT of a PROGRAM is not supported yet; use VAR_EXTERNAL")
+            return False
+        if is_block and variable.section != "VAR_IN_OUT" and (kind == "FUNCTION" or variable.section not in (
+                "VAR", "VAR_GLOBAL", "VAR_EXTERNAL")):
             self._report.error("P0090", variable.span, f"function blocks in {variable.section} of "
                                f"a {kind} are not supported yet")
-            return False
-        if variable.section == "VAR_TEMP" and not isinstance(of, ElementaryType):
-            self._report.error("P0090", variable.span,
-                               f"{of.name} in VAR_TEMP is not supported yet; declare it in VAR")
             return False
         return True
 
@@ -336,23 +365,28 @@ class ScopeBuilder:
         if self.scope.pou.kind not in ("PROGRAM", "GLOBAL"):
             self._report.error("P0030", span,
                                "only a PROGRAM's and global variables can have an address")
-        address = read_address(variable.address, span, self._report)
-        of = root(of)
-        if address is None or not isinstance(of, ElementaryType):
-            self.scope.places[key] = Place("unknown", 0, of, variable.name)
-            if address is not None:
-                code, what = ("P0090", "arrays and strings with an address are not supported yet") \
-                    if isinstance(of, ArrayType | StringType) \
-                    else ("P0031", "a function block instance has no address")
-                self._report.error(code, span, what)
+        self.scope.places[key] = Place("unknown", 0, root(of), variable.name)
+        if variable.address.endswith("*"):
+            self._report.error("P0090", span, "incomplete addresses, which VAR_CONFIG completes, are "
+                               "not supported yet; write the whole address")
             return
-        bits = 1 if address.area[1] == "X" else 8 * SIZES[address.area[1]]
-        if of.bits != bits:
-            self._report.error("P0031", span, f"{variable.address} holds {bits} bit"
-                               f"{'s' if bits > 1 else ''}, {of.name} needs {of.bits}")
-        offset = self._image.offset(address)
-        self.scope.places[key] = Place("memory", offset, of, variable.name)
-        self.scope.located.append(Located(variable.name, of, address, offset, initial))
+        address = read_address(variable.address, span, self._report)
+        if address is None:
+            return
+        problem = misfit(of, address)
+        if problem:
+            self._report.error("P0031", span, problem)
+            return
+        if not is_inside(of, address):
+            self._report.error("P0030", span, f"{of.name} at {address} ends outside the process image")
+            return
+        if initial is None and any(data := default_bytes(of)):
+            initial = data
+        offset = self._image.stretch(address, count_elements(of, address))
+        read_only = "it is CONSTANT" if variable.constant else ""
+        self.scope.places[key] = Place("memory", offset, root(of), variable.name, read_only)
+        self.scope.located.append(Located(variable.name, root(of), address, offset, initial,
+                                          variable.retain))
 
     def _chart(self, body: s.SfcBody) -> None:
         read = _steps_whose_time_is_read(body)
@@ -372,9 +406,18 @@ class ScopeBuilder:
             if control is not None:
                 self._hidden(f"__control_{action}", control)
 
+        if self._declarations.final_scan:
+            for each in body.actions:
+                self._hidden(was_active(each.name), BOOL)
+
     def _hidden(self, name: str, of: Type) -> None:
         made = self.scope.type.add(name, of)
         self.scope.places[name.upper()] = Place("this", made.offset, of, name)
+
+
+def was_active(action: str) -> str:
+    """Return the name of the hidden flag that an action with a final scan ran in the scan before."""
+    return f"__WAS_{action.upper()}"
 
 
 CONTROLLED = frozenset(("R", "S", "L", "D", "SD", "DS", "SL"))
@@ -384,7 +427,9 @@ CONTROLLED = frozenset(("R", "S", "L", "D", "SD", "DS", "SL"))
 def _steps_whose_time_is_read(body: s.SfcBody) -> set[str]:
     """Return the steps, in capitals, whose elapsed time T the chart's texts read."""
     found: set[str] = set()
-    pending: list[object] = [t.condition for t in body.transitions] + [a.body for a in body.actions]
+    pending: list[object] = [t.condition for t in body.transitions + body.conditions]
+    pending += [a.body for a in body.actions]
+    pending += [a.time for step in body.steps for a in step.associations]
     while pending:
         node = pending.pop()
         if isinstance(node, s.Name):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from plcemu.lang import syntax as s
 from plcemu.lang.cursor import Cursor, SyntaxFailure
 from plcemu.lang.il import looks_like_il, parse_il
-from plcemu.lang.st import parse_expression, parse_statements
+from plcemu.lang.st import name_from, parse_expression, parse_statements
 
 ELEMENTS = ("INITIAL_STEP", "STEP", "TRANSITION", "ACTION")
 
@@ -33,7 +33,9 @@ def parse_sfc(cursor: Cursor) -> s.SfcBody:
             cursor.skip_to(*ELEMENTS, "END_STEP", "END_TRANSITION", "END_ACTION", "END_PROGRAM",
                            "END_FUNCTION_BLOCK",
                            over=("END_STEP", "END_TRANSITION", "END_ACTION"))
-    return s.SfcBody(start.to(cursor.place()), tuple(steps), tuple(transitions), tuple(actions))
+    return s.SfcBody(start.to(cursor.place()), tuple(steps),
+                     tuple(t for t in transitions if t.sources), tuple(actions),
+                     tuple(t for t in transitions if not t.sources))
 
 
 def _step(cursor: Cursor) -> s.Step:
@@ -52,41 +54,59 @@ def _step(cursor: Cursor) -> s.Step:
 
 
 def _association(cursor: Cursor) -> s.Association:
-    name = cursor.identifier("an action block or END_STEP")
-    qualifier, time = "N", None
+    variable = _variable(cursor, "an action block or END_STEP")
+    text = variable.head if isinstance(variable, s.Name) else variable.address
+    simple = isinstance(variable, s.Name) and len(variable.parts) == 1
+    if not simple:
+        span = variable.span
+        text = "".join(span.source.text[span.start:span.end].split())
+    qualifier, time, indicators = "N", None, []
     if cursor.accept("("):
         if not cursor.at(")"):
-            qualifier, time = _qualifier(cursor)
-        while cursor.accept(","):
-            indicator = cursor.identifier("an indicator variable")
-            cursor.report.error("P0090", indicator.span,
-                                "indicator variables of action blocks are not supported yet")
+            qualifier, time, indicators = _qualifier(cursor)
         cursor.expect(")", "to close the action block", "P0011")
-    return s.Association(name.span, name.text, qualifier, time)
+    return s.Association(variable.span, text, qualifier, time, tuple(indicators),
+                         None if simple else variable)
 
 
-def _qualifier(cursor: Cursor) -> tuple[str, s.Expr | None]:
+def _variable(cursor: Cursor, what: str) -> s.Name | s.Direct:
+    if cursor.token.kind == "direct":
+        token = cursor.advance()
+        return s.Direct(token.span, token.text)
+    return name_from(cursor, cursor.identifier(what))
+
+
+def _qualifier(cursor: Cursor) -> tuple[str, s.Expr | None, list[s.Name | s.Direct]]:
+    """Parse the qualifier, its time if it takes one, and indicator variables."""
     token = cursor.advance()
     if token.upper not in QUALIFIERS:
         cursor.report.error("P0052", token.span, f"{token.text!r} is not an action qualifier; "
                             f"there are {' '.join(QUALIFIERS)}")
         cursor.skip_to(")", ";", "END_STEP")
-        return "N", None
-    time = parse_expression(cursor) if cursor.accept(",") else None
+        return "N", None, []
     timed = QUALIFIERS[token.upper]
+    time = parse_expression(cursor) if cursor.at(",") and cursor.advance() else None
+    indicators: list[s.Name | s.Direct] = []
+    if not timed and isinstance(time, s.Name | s.Direct):
+        indicators, time = [time], None
+    while cursor.accept(","):
+        indicators.append(_variable(cursor, "an indicator variable"))
     if timed and time is None:
         cursor.report.error("P0053", token.span, f"qualifier {token.text} needs a time, such as "
                             f"({token.text}, T#5s)")
     elif not timed and time is not None:
         cursor.report.error("P0053", time.span, f"qualifier {token.text} takes no time")
         time = None
-    return token.upper, time
+    return token.upper, time, indicators
 
 
 def _transition(cursor: Cursor) -> s.Transition:
     start, name, priority = cursor.advance().span, "", None
     if not cursor.at("FROM", "("):
-        name = cursor.identifier("FROM or the transition's name").text
+        token = cursor.identifier("FROM or the transition's name")
+        start, name = start.to(token.span), token.text
+        if cursor.at(":", ":="):
+            return s.Transition(start, name, None, (), (), _condition(cursor))
     if cursor.accept("("):
         cursor.expect("PRIORITY")
         cursor.expect(":=", "after PRIORITY")
@@ -99,6 +119,15 @@ def _transition(cursor: Cursor) -> s.Transition:
     cursor.expect("TO")
     targets = _step_names(cursor)
     span = start.to(cursor.previous.span)
+    if name and (cursor.at("END_TRANSITION") or cursor.accept(";")):
+        cursor.expect("END_TRANSITION", code="P0011")
+        cursor.accept(";")
+        return s.Transition(span, name, priority, sources, targets, None)
+    return s.Transition(span, name, priority, sources, targets, _condition(cursor))
+
+
+def _condition(cursor: Cursor) -> s.Expr | s.IlBody:
+    """Parse a condition in ST or IL and END_TRANSITION."""
     condition: s.Expr | s.IlBody
     if cursor.accept(":="):
         condition = parse_expression(cursor)
@@ -108,7 +137,7 @@ def _transition(cursor: Cursor) -> s.Transition:
         condition = parse_il(cursor)
     cursor.expect("END_TRANSITION", code="P0011")
     cursor.accept(";")
-    return s.Transition(span, name, priority, sources, targets, condition)
+    return condition
 
 
 def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
@@ -125,12 +154,25 @@ def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
     return tuple(names)
 
 
+def _chart_in_action(cursor: Cursor) -> s.StBody:
+    """Read over a chart inside an action, which 2.6.4.1 allows and this compiler does not."""
+    cursor.report.error("P0090", cursor.token.span, "an action whose body is a chart is not supported "
+                        "yet; write the chart as a FUNCTION_BLOCK and call it in the action")
+    cursor.enter()
+    try:
+        return s.StBody(parse_sfc(cursor).span, ())
+    finally:
+        cursor.leave()
+
+
 def _action(cursor: Cursor) -> s.Action:
     cursor.advance()
     name = cursor.identifier("the action's name")
     cursor.expect(":", "after the action's name")
     body: s.IlBody | s.StBody
-    if looks_like_il(cursor):
+    if cursor.at(*ELEMENTS[:3]):
+        body = _chart_in_action(cursor)
+    elif looks_like_il(cursor):
         body = parse_il(cursor)
     else:
         start = cursor.place()

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from plcemu.base.spans import Span
 from plcemu.lang import syntax as s
-from plcemu.lang.cursor import Cursor, NestedTooDeeply, SyntaxFailure
+from plcemu.lang.cursor import NESTING_LIMIT, Cursor, NestedTooDeeply, SyntaxFailure
 from plcemu.lang.lexer import Token
+from plcemu.lang.literals import LITERAL_KINDS
 
 # One row a level of precedence, the loosest first: sign -> operator (table 55).
 _LEVELS: tuple[dict[str, str], ...] = (
@@ -18,7 +19,13 @@ _LEVELS: tuple[dict[str, str], ...] = (
     {"<": "LT", ">": "GT", "<=": "LE", ">=": "GE"},
     {"+": "ADD", "-": "SUB"},
     {"*": "MUL", "/": "DIV", "MOD": "MOD"},
+    {"**": "EXPT"},
 )
+_BINDS = {sign: (level, op) for level, row in enumerate(_LEVELS) for sign, op in row.items()}
+_BINDS_NOTHING = (-1, "")
+
+_AFTER_LABEL = (":", "..", ",", "+", "-", "*")
+"""Signs after a name that make it the label of a branch of CASE, and no statement."""
 
 _ENDS = ("END_IF", "ELSIF", "ELSE", "END_CASE", "END_FOR", "END_WHILE", "UNTIL", "END_REPEAT",
          "END_PROGRAM", "END_FUNCTION_BLOCK", "END_FUNCTION", "END_ACTION", "END_TRANSITION",
@@ -43,14 +50,25 @@ def parse_expression(cursor: Cursor) -> s.Expr:
 
 
 def _binary(cursor: Cursor, level: int) -> s.Expr:
-    if level == len(_LEVELS):
-        return _unary(cursor)
-    left = _binary(cursor, level + 1)
-    while cursor.token.kind in ("op", "name") and cursor.token.upper in _LEVELS[level]:
-        op = _LEVELS[level][cursor.advance().upper]
-        right = _binary(cursor, level + 1)
-        left = s.Binary(left.span.to(right.span), op, left, right)
-    return left
+    left, powers = _unary(cursor), 0
+    while True:
+        binds, op = _BINDS.get(cursor.word, _BINDS_NOTHING)
+        if binds < level:
+            return left
+        cursor.advance()
+        right = _binary(cursor, binds + 1)
+        left = _joined(op, left, right)
+        powers += op == "EXPT"
+        if powers > NESTING_LIMIT:
+            raise cursor.too_deep()
+
+
+def _joined(op: str, left: s.Expr, right: s.Expr) -> s.Expr:
+    span = left.span.to(right.span)
+    if op == "EXPT":
+        operands = (s.Argument(left.span, "", left), s.Argument(right.span, "", right))
+        return s.Call(span, op, operands)
+    return s.Binary(span, op, left, right)
 
 
 def _unary(cursor: Cursor) -> s.Expr:
@@ -70,7 +88,7 @@ def _unary(cursor: Cursor) -> s.Expr:
 
 def _primary(cursor: Cursor) -> s.Expr:
     token = cursor.token
-    if token.kind in ("int", "real", "time", "bool", "string"):
+    if token.kind in LITERAL_KINDS:
         cursor.advance()
         return s.Literal(token.span, token.kind, token.value, token.type)
     if token.kind == "direct":
@@ -119,19 +137,20 @@ def _subscripts(cursor: Cursor) -> tuple[s.Expr, ...]:
     return tuple(subscripts)
 
 
-def parse_arguments(cursor: Cursor) -> tuple[s.Argument, ...]:
-    """Parse the arguments of a call from `(` to `)`."""
+def parse_arguments(cursor: Cursor, value: Callable[[Cursor], s.Expr] = parse_expression,
+                    ) -> tuple[s.Argument, ...]:
+    """Parse the arguments of a call from `(` to `)`; `value` parses that of an input."""
     cursor.expect("(")
     arguments: list[s.Argument] = []
     while not cursor.at(")"):
-        arguments.append(_argument(cursor))
+        arguments.append(_argument(cursor, value))
         if not cursor.accept(","):
             break
     cursor.expect(")", "to close the call", "P0011")
     return tuple(arguments)
 
 
-def _argument(cursor: Cursor) -> s.Argument:
+def _argument(cursor: Cursor, parse_value: Callable[[Cursor], s.Expr]) -> s.Argument:
     start = cursor.token.span
     negated_output = cursor.at("NOT") and cursor.peek(2).text == "=>"
     if negated_output:
@@ -142,7 +161,7 @@ def _argument(cursor: Cursor) -> s.Argument:
         if cursor.advance().text == "=>":
             target = parse_expression(cursor)
             return s.Argument(start.to(target.span), name, target, True, negated_output)
-    value = parse_expression(cursor)
+    value = parse_value(cursor)
     return s.Argument(start.to(value.span), name, value)
 
 
@@ -213,9 +232,9 @@ class _Open:
 
 def _starts_case_label(cursor: Cursor) -> bool:
     """Whether a label of CASE begins here."""
-    if cursor.token.kind == "int" or cursor.at("-", "+"):
+    if cursor.token.kind in ("int", "string") or cursor.at("-", "+"):
         return True
-    return cursor.token.kind == "name" and cursor.peek().text in (":", "..", ",")
+    return cursor.token.kind == "name" and cursor.peek().text in _AFTER_LABEL
 
 
 def _statement(cursor: Cursor) -> s.Statement:

@@ -80,7 +80,15 @@ class Call:
     arguments: tuple[Argument, ...]
 
 
-Expr = Literal | Name | Direct | Unary | Binary | Call | Evaluate
+@dataclass(frozen=True, slots=True, eq=False)
+class Nested:
+    """What IL instructions in parentheses leave: an argument of a formal call in IL (annex B.2)."""
+
+    span: Span
+    instructions: tuple[Instruction, ...]
+
+
+Expr = Literal | Name | Direct | Unary | Binary | Call | Evaluate | Nested
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,12 +206,14 @@ class Instruction:
 
     Attributes:
         label: before it, or empty.
-        op: the operator without modifiers; empty for a label alone.
+        op: the operator without modifiers; empty for a label alone. `FUNCTION` calls a function
+            with the current result as its first argument, `FUNCTION(` one with all its arguments
+            in parentheses, `INPUT` gives the current result to an input of a function block.
         negated: modifier N on the operand or, for jumps and calls, on the condition.
         conditional: modifier C.
-        operand: the operand, if any.
+        operand: the operand, if any; of a call the name of what is called.
         nested: the instructions between parentheses, or None.
-        arguments: of a CAL.
+        arguments: of a call; of INPUT one, whose name is the input's.
     """
 
     span: Span
@@ -234,12 +244,20 @@ class StBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Association:
-    """An action block of a step: which action, with which qualifier and time."""
+    """An action block of a step: which action, with which qualifier and time.
+
+    Attributes:
+        action: its name, or the text of the BOOL variable that it is.
+        indicators: BOOL variables that tell the reader of the chart how the action went.
+        variable: what `action` is if it is more than a plain name.
+    """
 
     span: Span
     action: str
     qualifier: str
     time: Expr | None = None
+    indicators: tuple[Name | Direct, ...] = ()
+    variable: Name | Direct | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,14 +272,18 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Transition:
-    """A transition; its condition is an ST expression or an IL body."""
+    """A transition; its condition is an ST expression or an IL body.
+
+    Without a condition it takes the one declared under its name; without sources and targets it is
+    such a declaration.
+    """
 
     span: Span
     name: str
     priority: int | None
     sources: tuple[Name, ...]
     targets: tuple[Name, ...]
-    condition: Expr | IlBody
+    condition: Expr | IlBody | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -275,12 +297,13 @@ class Action:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SfcBody:
-    """A body in Sequential Function Chart."""
+    """A body in Sequential Function Chart; `conditions` are those declared by name alone."""
 
     span: Span
     steps: tuple[Step, ...]
     transitions: tuple[Transition, ...]
     actions: tuple[Action, ...]
+    conditions: tuple[Transition, ...] = ()
 
 
 Body = IlBody | StBody | SfcBody
@@ -383,6 +406,7 @@ class Variable:
         type: as written.
         initial: the initial value, if written.
         address: the location after AT, as written, or empty.
+        edge: `R_EDGE` or `F_EDGE` of an input that tells its edges, or empty.
     """
 
     span: Span
@@ -394,6 +418,7 @@ class Variable:
     address_span: Span
     constant: bool = False
     retain: bool = False
+    edge: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -412,32 +437,53 @@ class Pou:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TaskDeclaration:
-    """`TASK name (INTERVAL := ..., PRIORITY := ...)`."""
+    """`TASK name (INTERVAL := ..., PRIORITY := ..., SINGLE := ...)` in a resource."""
 
     span: Span
     name: str
     settings: tuple[tuple[str, Expr, Span], ...]
+    resource: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Connection:
+    """`name := other` or `name => other` of a program instance."""
+
+    name_span: Span
+    name: str
+    other: Expr
+    is_output: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProgramInstance:
-    """`PROGRAM name WITH task : type`."""
+    """`PROGRAM name WITH task : type (connections)` in a resource."""
 
     span: Span
     name: str
     task: str
     type: str
     type_span: Span
+    connections: tuple[Connection, ...] = ()
+    resource: str = ""
+    retain: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Configuration:
-    """A CONFIGURATION with its resource's tasks and program instances."""
+    """A CONFIGURATION with its resources' tasks and program instances.
+
+    Attributes:
+        resources: where each RESOURCE stands.
+        resource_names: in the same order.
+    """
 
     span: Span
     name: str
     tasks: tuple[TaskDeclaration, ...]
     programs: tuple[ProgramInstance, ...]
+    resources: tuple[Span, ...] = ()
+    resource_names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

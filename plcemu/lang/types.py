@@ -186,7 +186,7 @@ class BlockType:
         """Return the field of that name that others may name: of a function block no local one."""
         found = self.fields.get(name.upper())
         hidden = found is not None and self.kind == "FUNCTION_BLOCK" \
-            and found.section in ("VAR", "VAR_IN_OUT")
+            and found.section in ("VAR", "VAR_IN_OUT", "VAR_TEMP")
         return None if hidden else found
 
 
@@ -232,7 +232,7 @@ def leaves(of: Type, name: str, offset: int) -> Iterator[tuple[str, int, Element
                 yield from leaves(of.element, element, offset + n * of.stride)
     elif isinstance(of, BlockType):
         for each in of.fields.values():
-            if not each.name.startswith("__") and each.section != "VAR_IN_OUT":
+            if not each.name.startswith("__") and each.section not in ("VAR_IN_OUT", "VAR_TEMP"):
                 yield from leaves(each.type, f"{name}.{each.name}", offset + each.offset)
     else:
         yield name, offset, of
@@ -246,6 +246,21 @@ def _subscripts(ranges: tuple[tuple[int, int], ...]) -> Iterator[tuple[int, ...]
     for first in range(low, high + 1):
         for rest in _subscripts(ranges[1:]):
             yield (first, *rest)
+
+
+def retained_fields(of: Type, name: str, offset: int) -> Iterator[tuple[str, int, Field]]:
+    """Yield (dotted name, offset, field) of every RETAIN field in a variable, the outermost only."""
+    if isinstance(of, ArrayType):
+        if any(True for _ in retained_fields(of.element, "", 0)):
+            for n, subscripts in enumerate(_subscripts(of.ranges)):
+                yield from retained_fields(of.element, f"{name}[{','.join(map(str, subscripts))}]",
+                                           offset + n * of.stride)
+    elif isinstance(of, BlockType):
+        for each in of.fields.values():
+            if each.retain:
+                yield f"{name}.{each.name}", offset + each.offset, each
+            else:
+                yield from retained_fields(each.type, f"{name}.{each.name}", offset + each.offset)
 
 
 def clocks(of: Type, offset: int) -> Iterator[tuple[int, BlockType]]:

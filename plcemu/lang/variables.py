@@ -10,7 +10,7 @@ from plcemu.lang.typespecs import parse_initial, parse_type
 SECTIONS = ("VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP", "VAR_EXTERNAL",
             "VAR_GLOBAL", "VAR_ACCESS")
 
-_OPTIONS = ("CONSTANT", "RETAIN", "NON_RETAIN", "PERSISTENT", "R_EDGE", "F_EDGE")
+_OPTIONS = ("CONSTANT", "RETAIN", "NON_RETAIN", "PERSISTENT")
 _STOPS = ("PROGRAM", "FUNCTION_BLOCK", "FUNCTION", "END_PROGRAM", "END_FUNCTION_BLOCK",
           "END_FUNCTION", "RESOURCE", "END_RESOURCE", "END_CONFIGURATION", *ELEMENTS)
 
@@ -60,8 +60,19 @@ def _declaration(cursor: Cursor, section: str, options: set[str]) -> list[s.Vari
     cursor.expect(":", "between the variable's name and its type")
     spec = parse_type(cursor)
     initial = parse_initial(cursor) if cursor.accept(":=") else None
+    edge = _edge(cursor, section, spec)
     cursor.expect(";", "after the declaration")
     tokens = [(t.text, t.span) for t in names] or [(address, address_span)]
     return [s.Variable(span, name, section, spec, initial, address, address_span,
-                       "CONSTANT" in options, bool(options & {"RETAIN", "PERSISTENT"}))
+                       "CONSTANT" in options, bool(options & {"RETAIN", "PERSISTENT"}), edge)
             for name, span in tokens]
+
+
+def _edge(cursor: Cursor, section: str, spec: s.TypeSpec) -> str:
+    """Parse R_EDGE or F_EDGE, which only a BOOL input has (table 33)."""
+    token = cursor.accept("R_EDGE", "F_EDGE")
+    if token is None:
+        return ""
+    if section != "VAR_INPUT" or not isinstance(spec, s.NamedType) or spec.name.upper() != "BOOL":
+        cursor.report.error("P0023", token.span, f"{token.upper} takes a BOOL in VAR_INPUT")
+    return token.upper

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plcemu.base.areas import Address, parse_address
 from plcemu.base.errors import PlcemuError, UnknownNameError
-from plcemu.base.types import ELEMENTARY, ElementaryType, Value
+from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
 from plcemu.engine.memory import Memory
 from plcemu.io.exchange import MEMORY, Exchange, Port
 from plcemu.io.mapping import Point
@@ -67,7 +67,7 @@ class TagAccess:
         """End a tag's force."""
         self._exchange.unforce(self._memory.place(self._memory.tags.find(name))[0])
 
-    def _find(self, name: str) -> tuple[Address | None, ElementaryType, int]:
+    def _find(self, name: str) -> tuple[Address | None, ElementaryType | StringType, int]:
         try:
             index = self._memory.tags.find(name)
         except UnknownNameError:
@@ -89,7 +89,7 @@ class TagAccess:
         return address, ELEMENTARY[_TYPE_OF_SIZE[address.area[1]]], -1
 
     @staticmethod
-    def _pack(name: str, row: ElementaryType, value: Value) -> bytes:
+    def _pack(name: str, row: ElementaryType | StringType, value: Value) -> bytes:
         try:
             return row.pack(value)
         except ValueError as problem:

@@ -141,6 +141,7 @@ class Config(Section):
     program: Texts
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
+    sfc_final_scan: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, bool | int | float] = {}
     speed: Factor = Fraction(1)

@@ -18,13 +18,18 @@ from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
 
 
-def compile(source: str | Path | Iterable[str | Path]) -> Program:  # noqa: A001 - the promised name
+def compile(source: str | Path | Iterable[str | Path], *,  # noqa: A001 - the promised name
+            final_scan: bool = False) -> Program:
     """Compile a program text, a file or several files.
+
+    Args:
+        source: what to compile.
+        final_scan: whether the actions of charts run once more in the scan in which they end.
 
     Raises:
         CompileError: with every mistake in `diagnostics`.
     """
-    return compile_program(source)
+    return compile_program(source, final_scan=final_scan)
 
 
 def make_exchange(resource: Resource) -> Exchange:

@@ -46,7 +46,7 @@ class System:
 
     def __init__(self, config: Config, with_plant: bool = True) -> None:
         self.config = config
-        program = compile_program(config.program_paths)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
         self.warnings = list(program.warnings)
         tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
                  for name, t in config.tasks.items()]

@@ -65,12 +65,12 @@ ST_CASES = [
     ("i := " + "9" * 99 + ";", ["3:6: P0025"]),
     ("x := i > 16#FFFF;", ["3:10: P0025"]), ("t(PT := T#999999999d);", ["3:9: P0025"]),
     ("t(INN := x);", ["3:3: P0026"]), ("t(IN := x, FALSE);", ["3:1: P0026"]),
-    ("t(x, T#1s, x);", ["3:12: P0026"]), ("t(QQ => x);", ["3:3: P0026"]),
+    ("t(x, T#1s, 5);", ["3:12: P0026"]), ("t(QQ => x);", ["3:3: P0026"]),
     ("x(IN := y);", ["3:1: P0026"]),
     ("t(IN := x, in := y);", ["3:12: P0026"]), ("CASE i OF i: y := x; END_CASE;", ["3:11: P0027"]),
     ("x := %IX0.8 AND %FOO OR %QX2000.0;", ["3:6: P0030", "3:17: P0030", "3:25: P0030"]),
-    ("x := f(5);\ny := a[1];\nx := 'abc';", ["3:6: P0090", "4:6: P0090"]),
-    ("x := 'a';", ["3:6: P0090"]),
+    ("x := f(5);\ny := a[1];\nx := 'abc';", ["3:6: P0020", "4:6: P0020", "5:6: P0023"]),
+    ("x := 'a';", ["3:6: P0023"]), ("x := y OR GT(EN := x, IN1 := i, IN2 := 3);", ["3:11: P0090"]),
     ("\t\tx := z;", ["3:8: P0020"]), ("x := y;\r\n  x := z;\r\n", ["4:8: P0020"]),
     ("(* größe \U0001f600 *) x := z;", ["3:20: P0020"]), ("{ pragma } x := z;", ["3:17: P0020"]),
 ]
@@ -131,7 +131,18 @@ SFC_CASES = [
      ["4:1: P0010", "6:1: P0011", "8:1: P0011"]),
     (A.replace("END_", "END") + "TRANSITION FROM A TO A := x; ENDTRANSITION\n"
      "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION", ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
-    ("INITIAL_STEP A: x(N, y, z); END_STEP", ["3:22: P0053", "3:25: P0090"]),
+    ("INITIAL_STEP A: x(N, y, z); END_STEP", ["3:25: P0020"]),
+    ("INITIAL_STEP A: x(N, i); x(L, T#1s, y, i); END_STEP", ["3:22: P0023", "3:40: P0023"]),
+    (A + "ACTION b:\nSTEP C: END_STEP ACTION d: x := y; END_ACTION END_ACTION", ["5:1: P0090"]),
+    (A + "TRANSITION t FROM A TO A; END_TRANSITION", ["4:1: P0020"]),
+    (A + "TRANSITION t := x; END_TRANSITION TRANSITION t := y; END_TRANSITION", ["4:35: P0021"]),
+    (A + "TRANSITION t FROM A TO A := x; END_TRANSITION\n"
+     "TRANSITION t FROM A TO A := y; END_TRANSITION", ["5:1: P0021"]),
+    (A + "STEP B: END_STEP STEP C: END_STEP TRANSITION FROM A TO (B, C) := x; END_TRANSITION\n"
+     "TRANSITION FROM B TO A := y; END_TRANSITION", ["4:35: P0056"]),
+    (A + "STEP B: END_STEP STEP C: END_STEP TRANSITION FROM A TO B := x; END_TRANSITION\n"
+     "TRANSITION FROM A TO C := y; END_TRANSITION\n"
+     "TRANSITION FROM (B, C) TO A := y; END_TRANSITION", ["6:1: P0057"]),
 ]
 
 
@@ -161,10 +172,10 @@ def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
     ("FUNCTION_BLOCK TON VAR x : BOOL; END_VAR x := x; END_FUNCTION_BLOCK " + body("", ""),
      ["1:16: P0021"]),
     (body("x : BOOOL; y : INT;", "x := 5; y := 5; x(); x.y := 1;"), ["2:5: P0022"]),
-    (body("x : INT := TRUE; t : TON := 5;", "x := 1; t();"), ["2:12: P0023", "2:29: P0090"]),
+    (body("x : INT := TRUE; t : TON := 5;", "x := 1; t();"), ["2:12: P0023", "2:29: P0023"]),
     (body("x : SINT := 200; u : USINT := -1;", "x := 128; u := 256;"),
      ["2:13: P0025", "2:31: P0025", "3:6: P0025", "3:16: P0025"]),
-    (body("x : INT := y; y : INT := 1 + 2;", "x := y;"), ["2:12: P0027", "2:26: P0027"]),
+    (body("x : INT := y; y : INT := 1 + 2;", "x := y;"), ["2:12: P0027"]),
     (body("x AT %IX9999.0 : BOOL; y AT %QX0.9 : BOOL; z AT %Q5 : BOOL; w AT %ZZ : BOOL;",
           "x := y; z := w;"),
      ["2:6: P0030", "2:29: P0030", "2:49: P0030", "2:66: P0030"]),
@@ -185,11 +196,27 @@ def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
     ("FUNCTION f : INT f := 5; END_FUNCTION\nTYPE t : (a, b); END_TYPE\n"
      "VAR_GLOBAL x : INT; END_VAR\n"
      + body("a : ARRAY[0..1] OF INT; s : STRING; x : BOOL;", "x := z;"),
-     ["1:1: P0090", "2:1: P0090", "3:1: P0090", "5:5: P0090", "5:29: P0090"]),
+     ["6:6: P0020"]),
     ("PROGRAM m VAR_TEMP t : TON; END_VAR VAR_INPUT u : TON; END_VAR t(); u(); END_PROGRAM",
      ["1:20: P0090", "1:47: P0090"]),
     ("PROGRAM m VAR_IN_OUT t : INT; END_VAR VAR_EXTERNAL u : INT; END_VAR END_PROGRAM",
-     ["1:11: P0090", "1:39: P0090"]),
+     ["1:22: P0090", "1:52: P0020"]),
+    ("FUNCTION f : INT\nf := g(); END_FUNCTION\nFUNCTION g : INT g := f() + g(); END_FUNCTION "
+     + body("i : INT;", "i := f();"), ["1:10: P0060", "3:10: P0060"]),
+    ("FUNCTION f : INT VAR_INPUT i : INT; END_VAR\nEND_FUNCTION "
+     + body("i : INT;", "i := f(i);"), ["1:10: P0073"]),
+    ("FUNCTION_BLOCK f VAR_OUTPUT a, b : INT; END_VAR\na := 5; END_FUNCTION_BLOCK "
+     + body("g : f; i : INT;", "g(a => i); i := g.b;"), ["1:32: P0071"]),
+    (body("x AT %QX0.0 : BOOL; y AT %QX0.1 : BOOL; z : BOOL;", "%QX0.1 := z; z := x;"),
+     ["2:1: P0071"]),
+    (body("t, u : TON; a : ARRAY[0..1] OF TON; x : BOOL;", "x := t.Q; u(); a[1]();"),
+     ["2:1: P0072"]),
+    ("CONFIGURATION c VAR_GLOBAL\ng, h : INT; END_VAR RESOURCE r ON PLC\n"
+     "TASK a (INTERVAL := T#10ms, PRIORITY := 1); TASK b (INTERVAL := T#20ms, PRIORITY := 2);\n"
+     "PROGRAM p WITH a : m; PROGRAM q WITH b : n; END_RESOURCE END_CONFIGURATION\n"
+     "PROGRAM m VAR_EXTERNAL g, h : INT; END_VAR g := h; END_PROGRAM\n"
+     "PROGRAM n VAR_EXTERNAL g, h : INT; END_VAR g := g + h; h := 1; END_PROGRAM\n",
+     ["2:1: P0074"]),
     (" " * (SOURCE_LIMIT + 1), ["1:1: P0100"]),
 ])
 def test_a_mistake_in_declarations_gives_exactly_its_diagnostics(text, expected):
