@@ -126,11 +126,13 @@ SFC_CASES = [
     (A + "TRANSITION (PRIO := 1) FROM A TO A := x; END_TRANSITION\n"
          "TRANSITION (PRIORITY := x) FROM A TO A := x; END_TRANSITION",
          ["4:13: P0010", "5:25: P0010"]),
-    ("INITIAL_STEP A: x(N);\nSTEP B: END_STEP\nTRANSITION FROM A TO B := x;\nTRANSITION FROM B TO A := x;"
-     " END_TRANSITION\nACTION c: x := y;\nACTION d: x := y; END_ACTION",
+    (A.replace(" END_STEP", "") + "STEP B: END_STEP\nTRANSITION FROM A TO B := x;\n"
+     "TRANSITION FROM B TO A := x; END_TRANSITION\nACTION c: x := y;\n"
+     "ACTION d: x := y; END_ACTION",
      ["4:1: P0010", "6:1: P0011", "8:1: P0011"]),
     (A.replace("END_", "END") + "TRANSITION FROM A TO A := x; ENDTRANSITION\n"
-     "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION", ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
+     "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION",
+     ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
     ("INITIAL_STEP A: x(N, y, z); END_STEP", ["3:22: P0053", "3:25: P0090"]),
 ]
 
