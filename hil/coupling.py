@@ -61,6 +61,11 @@ class Coupling:
         self._outputs_before: Sequence[int] | None = None
         plant.watch([p.name for p in self.inputs])
 
+    def begin(self, t_ns: int) -> None:
+        """Let the plant, as it stands, begin at an instant of the PLC's time."""
+        self._origin_ns = self.plant.t_ns - int(t_ns * self._scale)
+        self._outputs_before = None
+
     def plant_time_ns(self, t_ns: int) -> int:
         """Return the plant's time at an instant of the PLC's time."""
         return self._origin_ns + int(t_ns * self._scale)

@@ -16,7 +16,7 @@ from pymodbus.pdu import ModbusPDU
 from hil.coupling import Coupling
 from plcemu.base.errors import PlcemuError
 from plcemu.io.mapping import Point
-from plcemu.modbus import AddressMap, ObjectType
+from plcemu.modbus import RUN_OBJECT, AddressMap, ObjectType
 from plcemu.modbus.errors import ExceptionCode
 
 READ_GAP = 16
@@ -99,6 +99,22 @@ class ModbusPlant:
             client.close()
             raise FieldLinkError(f"no Modbus server answers at {self._where}")
         self._open = client
+
+    async def run_id(self) -> str:
+        """Return what the PLC shows of its present run, or an empty text if it shows nothing.
+
+        Raises:
+            FieldLinkError: the PLC did not answer.
+        """
+        try:
+            answer = await self._client.read_device_information(
+                read_code=4, object_id=RUN_OBJECT, device_id=self._unit)
+        except (ModbusException, OSError) as problem:
+            raise FieldLinkError(f"{self._where}: {problem}") from None
+        if answer.isError():
+            return ""
+        shown = getattr(answer, "information", {}).get(RUN_OBJECT, b"")
+        return shown.decode("ascii", "replace") if isinstance(shown, bytes) else ""
 
     def close(self) -> None:
         """Close the connection, if there is one."""

@@ -7,7 +7,6 @@ import asyncio
 import logging
 import signal
 from pathlib import Path
-from typing import Any
 
 from hil.modbus_plant import ModbusPlant
 from plcemu.base.errors import ConfigError
@@ -20,8 +19,8 @@ from plcemu.runtime.system import make_coupling, make_map
 NAME = "plant"
 HELP = "the soft plant alone, as a Modbus client of any PLC"
 EPILOG = """The plant goes on through outages of the PLC. If it is killed or terminated, the next
-start with the same configuration and PLC goes on from the state it had; after Ctrl-C, at the end
-of --for and with --fresh it starts anew.
+start with the same configuration and the same run of the PLC goes on from the state it had; after
+Ctrl-C, at the end of --for and with --fresh it starts anew.
 
 example:
   plcemu plant il_programs/batch_plant --connect 127.0.0.1:5020 --set load=3"""
@@ -82,22 +81,12 @@ def _prepare(config: Config, arguments: argparse.Namespace) -> RemotePlant:
     host, port = arguments.connect
     where = f"{host}:{port}/{arguments.unit}"
     state = StateFile.of(config, where, arguments.state)
-    coupling = make_coupling(config, None if arguments.fresh else _left(state))
+    coupling = make_coupling(config)
     try:
         link = ModbusPlant(coupling, make_map(config), host, port, arguments.unit)
     except UnmappedError as problem:
         raise config.mistake(("plant",), problem) from None
-    return RemotePlant(link, config.plant.period or config.cycle, state)
-
-
-def _left(state: StateFile) -> dict[str, Any] | None:
-    """Return the state a killed plant left, and say so."""
-    found = state.load()
-    if found is None:
-        return None
-    _LOG.warning("going on from the state of a plant that ended without notice %.0f s ago; "
-                 "--fresh starts anew", found[1])
-    return found[0]
+    return RemotePlant(link, config.plant.period or config.cycle, state, arguments.fresh)
 
 
 async def _run(plant: RemotePlant, duration_ns: int | None) -> bool:

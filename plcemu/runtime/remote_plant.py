@@ -14,6 +14,7 @@ import logging
 import os
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,15 @@ REFRESH_NS = 1_000_000_000
 
 RESUME_WITHIN_S = 600.0
 """How old a state left by a killed plant may be to go on from it, in s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What an earlier plant left: its state, the PLC's run it belongs to, and its age in s."""
+
+    state: dict[str, Any]
+    run_id: str
+    age_s: float
 
 
 class StateFile:
@@ -72,13 +82,14 @@ class StateFile:
                               "with --state") from None
         return cls(folder / f"plant-{key}.json", key)
 
-    def save(self, snapshot: dict[str, Any]) -> None:
-        """Write the state; a kill at any instant leaves the old or the new one whole.
+    def save(self, snapshot: dict[str, Any], run_id: str) -> None:
+        """Write the state and the PLC's run; a kill at any instant leaves the old or the new whole.
 
         Raises:
             PlcemuError: the file cannot be written.
         """
-        text = json.dumps({"key": self._key, "saved": time.time(), "state": snapshot})
+        text = json.dumps({"key": self._key, "saved": time.time(), "run": run_id,
+                           "state": snapshot})
         beside = self._path.with_name(self._path.name + ".new")
         try:
             beside.write_text(text, encoding="utf-8")
@@ -87,13 +98,13 @@ class StateFile:
             raise PlcemuError(f"{self._path}: cannot keep the plant's state: "
                               f"{problem.strerror}") from None
 
-    def load(self) -> tuple[dict[str, Any], float] | None:
-        """Return the state and its age in s, if there is one to go on from."""
+    def load(self) -> Left | None:
+        """Return what an earlier plant left, if there is something to go on from."""
         try:
             document = json.loads(self._path.read_text(encoding="utf-8"))
             age = time.time() - float(document["saved"])
             if document["key"] == self._key and 0 <= age <= RESUME_WITHIN_S:
-                return document["state"], age
+                return Left(document["state"], str(document["run"]), age)
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             pass
         return None
@@ -111,6 +122,7 @@ class RemotePlant:
         link: the plant as a Modbus client.
         period_ns: time between two steps.
         state: where its state is kept, or None.
+        fresh: whether to start anew, also if an earlier plant left its state.
 
     Attributes:
         steps: exchanges with the PLC.
@@ -120,18 +132,21 @@ class RemotePlant:
         PlcemuError: the state cannot be kept.
     """
 
-    def __init__(self, link: ModbusPlant, period_ns: int, state: StateFile | None) -> None:
+    def __init__(self, link: ModbusPlant, period_ns: int, state: StateFile | None,
+                 fresh: bool = False) -> None:
         self._link, self._period_ns, self._state = link, period_ns, state
         self._coupling: Coupling = link.coupling
-        self._connected = False
+        self._left = None if state is None or fresh else state.load()
+        self._run_id = ""
+        self._connected = self._begun = False
         self._told = ""
         self._saved_ns = self._refreshed_ns = self._next_try_ns = 0
         self._running: asyncio.Task[None] | None = None
         self._stopping = False
         self.outages = 0
         self.steps = 0
-        if state is not None:
-            state.save(self._coupling.plant.snapshot())
+        if state is not None and self._left is None:
+            state.save(self._coupling.plant.snapshot(), self._run_id)
 
     async def run(self, until_ns: int | None = None) -> None:
         """Step until stopped, or until an instant of the clock."""
@@ -166,22 +181,22 @@ class RemotePlant:
         if self._state is not None:
             if forget:
                 self._state.remove()
-            else:
+            elif self._begun:
                 self._keep(self._state)
 
     async def _step(self, clock: RealClock) -> None:
         now = clock.now_ns()
         if self._connected or now >= self._next_try_ns:
             await self._exchange(clock)
-        else:
+        elif self._begun:
             self._coupling.advance(now)
-        if self._state is not None and now - self._saved_ns >= KEEP_NS:
+        if self._state is not None and self._begun and now - self._saved_ns >= KEEP_NS:
             self._saved_ns = now
             self._keep(self._state)
 
     def _keep(self, state: StateFile) -> None:
         try:
-            state.save(self._coupling.plant.snapshot())
+            state.save(self._coupling.plant.snapshot(), self._run_id)
         except PlcemuError as problem:
             self._tell(str(problem))
 
@@ -189,7 +204,10 @@ class RemotePlant:
         try:
             if not self._connected:
                 await self._link.connect()
+                self._run_id = await self._link.run_id()
             now = clock.now_ns()
+            if not self._begun:
+                self._begin(now)
             everything = now - self._refreshed_ns >= REFRESH_NS
             if everything:
                 self._refreshed_ns = now
@@ -201,6 +219,27 @@ class RemotePlant:
         if not self._connected:
             self._connected, self._told = True, ""
             _LOG.info("connected; the plant stands at %.1f s", self._coupling.plant.t_ns / 1e9)
+
+    def _begin(self, now: int) -> None:
+        """Start when the PLC is first there: where an earlier plant stopped, or anew.
+
+        A state belongs to one run of the PLC; a PLC that has started anew meets a fresh plant. Of
+        a PLC that does not show its run it is taken that it has gone on.
+        """
+        self._begun, left = True, self._left
+        if left is not None and left.run_id == self._run_id:
+            try:
+                self._coupling.plant.restore(left.state)
+                _LOG.warning("going on from the state of a plant that ended without notice "
+                             "%.0f s ago; --fresh starts anew", left.age_s)
+            except Exception as problem:  # the state comes from a file, which may hold anything
+                _LOG.warning("the state that a plant left does not fit (%s): starting anew",
+                             problem)
+        elif left is not None:
+            _LOG.info("the PLC has started anew since a plant left its state: so does the plant")
+        self._coupling.begin(now)
+        if self._state is not None:
+            self._keep(self._state)
 
     def _lost(self, problem: str, now: int) -> None:
         self._link.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,7 +19,7 @@ from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
-from plcemu.modbus import AddressMap, Identity, MapRange, ModbusTcpServer, ObjectType
+from plcemu.modbus import RUN_OBJECT, AddressMap, Identity, MapRange, ModbusTcpServer, ObjectType
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
@@ -81,7 +82,7 @@ class System:
         # Identification objects are ASCII of bounded length; a name need not be.
         name = self.config.name.encode("ascii", "replace").decode()[:OBJECT_BYTES]
         identity = Identity(revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
-                            application_name=name)
+                            application_name=name, extended={RUN_OBJECT: uuid.uuid4().hex})
         return ModbusTcpServer(
             self.exchange, self._map, identity, host=section.host, port=section.port,
             units=section.units, max_connections=section.max_connections,
@@ -199,21 +200,15 @@ def make_plant(config: Config) -> Plant:
                              f"{problem}") from problem
 
 
-def make_coupling(config: Config, state: Mapping[str, Any] | None = None) -> Coupling:
-    """Return the configured plant with its wiring, perhaps in a state it had before.
+def make_coupling(config: Config) -> Coupling:
+    """Return the configured plant with its wiring.
 
     Raises:
-        ConfigError: the plant or its wiring does not exist, or the state is another plant's.
+        ConfigError: the plant or its wiring does not exist.
     """
     plant = make_plant(config)
     section = config.plant
     assert section is not None
-    if state is not None:
-        try:
-            plant.restore(state)
-        except Exception as problem:  # the state comes from a file, which may hold anything
-            raise ConfigError([(f"the plant's saved state does not fit: {problem}; "
-                                "--fresh starts anew")]) from None
     ports = plant.ports
     inputs = _points(config, section.inputs, "inputs",
                      [p for p in ports if p.direction == "sensor"])

@@ -18,6 +18,10 @@ pytestmark = pytest.mark.acceptance
 FAST = ("--set", "cycle=10ms", "--set", "time_scale=150")
 
 
+B4_LEVEL = 3
+"""The input register of B4's level."""
+
+
 def daemon(*arguments: str) -> Command:
     return Command("run", BATCH, "--no-plant", "--json", "--set", "port=0", *FAST, *arguments)
 
@@ -36,6 +40,8 @@ def batches(client: Any) -> int:
 def test_plc_and_plant_as_two_processes_make_batches(tmp_path: Path) -> None:
     with daemon() as plc, plant(plc.port, tmp_path) as field, modbus_client(plc.port) as client:
         until(lambda: batches(client) >= 1, "a batch")
+        until(lambda: client.read_input_registers(B4_LEVEL, count=1).registers[0] > 0,
+              "the batch to arrive in B4")
         field_code, field_report = field.stop(signal.SIGINT)
         code, report = plc.stop()
     assert (code, field_code) == (0, 0)
@@ -43,6 +49,17 @@ def test_plc_and_plant_as_two_processes_make_batches(tmp_path: Path) -> None:
     assert report["state"] == "STOP" and report["scans"] > 100
     assert not [p for p in report["properties"] if p["verdict"] == "violated"]
     assert "no_overflow" in report["not_judged"]
+
+
+def test_a_plant_that_meets_a_plc_started_anew_starts_anew_too(tmp_path: Path) -> None:
+    with daemon() as plc, modbus_client(plc.port) as client, plant(plc.port, tmp_path) as first:
+        first.wait_for("connected")
+        until(lambda: any(client.read_coils(1, count=35).bits), "a valve opens")
+        first.kill()
+        port = plc.port
+    with daemon("--set", f"modbus.port={port}") as anew, plant(anew.port, tmp_path) as second:
+        second.wait_for("the PLC has started anew")
+        assert second.wait_for(r"connected; the plant stands at ([\d.]+) s")[1] == "0.0"
 
 
 def test_a_killed_plant_goes_on_where_it_was(tmp_path: Path) -> None:
