@@ -152,7 +152,9 @@ def _plant_lines(plant: Mapping[str, Any]) -> list[str]:
         long_run = f", {period:.1f} s a batch in the long run" if period is not None else ""
         lines.append(f"plant: {plant['batches']} batches{long_run}")
     if plant.get("reason"):
-        lines.append(f"plant: does not produce: {plant['reason']}")
+        still = "stands still" if plant.get("batches") else "produces nothing"
+        what = still if plant.get("stuck") else "no batch so far"
+        lines.append(f"plant: {what}: {plant['reason']}")
     return lines
 
 
