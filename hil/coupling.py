@@ -17,11 +17,14 @@ from plcemu.io.mapping import Point
 
 
 class CouplingError(PlcemuError):
-    """The wiring does not fit the plant."""
+    """The wiring does not fit the plant; `name` is the port that is wired wrong."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        self.name = name
+        super().__init__(problem)
 
 
-def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str],
-           what: str) -> list[Point]:
+def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> list[Point]:
     """Return a wiring as points: port name to (address, scale).
 
     Raises:
@@ -30,12 +33,10 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str],
     names, made, taken = list(known), [], dict[str, str]()
     for name, (address, scale) in wiring.items():
         if name not in names:
-            raise CouplingError(f"plant.{what}: the plant has no {what[:-1]} port {name!r}"
-                                f"{did_you_mean(name, names)}")
+            raise CouplingError(name, f"the plant has no such port here{did_you_mean(name, names)}")
         point = Point(name, parse_address(address), scale)
         if str(point.address) in taken:
-            raise CouplingError(f"plant.{what}: {name} and {taken[str(point.address)]} share "
-                                f"{point.address}")
+            raise CouplingError(name, f"{taken[str(point.address)]} has {point.address} already")
         taken[str(point.address)] = name
         made.append(point)
     return made
@@ -59,6 +60,11 @@ class Coupling:
         self._origin_ns = plant.t_ns
         self._outputs_before: Sequence[int] | None = None
         plant.watch([p.name for p in self.inputs])
+
+    def begin(self, t_ns: int) -> None:
+        """Let the plant, as it stands, begin at an instant of the PLC's time."""
+        self._origin_ns = self.plant.t_ns - int(t_ns * self._scale)
+        self._outputs_before = None
 
     def plant_time_ns(self, t_ns: int) -> int:
         """Return the plant's time at an instant of the PLC's time."""

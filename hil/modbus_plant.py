@@ -6,8 +6,7 @@ does. Nothing is replayed after an outage: only the present state is sent.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Sequence
 from dataclasses import dataclass
 
 from pymodbus.client import AsyncModbusTcpClient
@@ -17,9 +16,8 @@ from pymodbus.pdu import ModbusPDU
 from hil.coupling import Coupling
 from plcemu.base.errors import PlcemuError
 from plcemu.io.mapping import Point
-from plcemu.modbus import AddressMap, ObjectType
-
-_LOG = logging.getLogger("plcemu.plant")
+from plcemu.modbus import RUN_OBJECT, AddressMap, ObjectType
+from plcemu.modbus.errors import ExceptionCode
 
 READ_GAP = 16
 """Numbers between two wanted ones that a single read request may span."""
@@ -27,6 +25,13 @@ READ_GAP = 16
 READ_LIMIT = {True: 2000, False: 125}
 WRITE_LIMIT = {True: 1968, False: 123}
 """Bits (True) and registers (False) in one request (Modbus application protocol, section 6)."""
+
+
+_READ = {ObjectType.COIL: "read_coils", ObjectType.DISCRETE: "read_discrete_inputs",
+         ObjectType.HOLDING: "read_holding_registers", ObjectType.INPUT: "read_input_registers"}
+"""The client's method for each table."""
+
+_EXCEPTIONS = {code.value: code.name.replace("_", " ").lower() for code in ExceptionCode}
 
 
 class FieldLinkError(PlcemuError):
@@ -52,6 +57,10 @@ class _Block:
     count: int
     wires: tuple[tuple[int, _Wire], ...]
 
+    def __str__(self) -> str:
+        what = "" if self.kind.is_bits else " registers"
+        return f"{self.kind}{what} {self.first} to {self.first + self.count - 1}"
+
 
 class ModbusPlant:
     """Steps a coupled plant against a PLC's Modbus server.
@@ -76,7 +85,7 @@ class ModbusPlant:
         self._where = f"{host}:{port}"
         self._reads = _blocks(_wires(coupling.outputs, address_map, False), READ_GAP, READ_LIMIT)
         self._writes = _blocks(_wires(coupling.inputs, address_map, True), 0, WRITE_LIMIT)
-        self._sent: dict[_Block, list[int]] = {}
+        self._sent: dict[int, list[int]] = {}
         self._open: AsyncModbusTcpClient | None = None
 
     async def connect(self) -> None:
@@ -91,6 +100,22 @@ class ModbusPlant:
             raise FieldLinkError(f"no Modbus server answers at {self._where}")
         self._open = client
 
+    async def run_id(self) -> str:
+        """Return what the PLC shows of its present run, or an empty text if it shows nothing.
+
+        Raises:
+            FieldLinkError: the PLC did not answer.
+        """
+        try:
+            answer = await self._client.read_device_information(
+                read_code=4, object_id=RUN_OBJECT, device_id=self._unit)
+        except (ModbusException, OSError) as problem:
+            raise FieldLinkError(f"{self._where}: {problem}") from None
+        if answer.isError():
+            return ""
+        shown = getattr(answer, "information", {}).get(RUN_OBJECT, b"")
+        return shown.decode("ascii", "replace") if isinstance(shown, bytes) else ""
+
     def close(self) -> None:
         """Close the connection, if there is one."""
         if self._open is not None:
@@ -99,7 +124,8 @@ class ModbusPlant:
 
     @property
     def _client(self) -> AsyncModbusTcpClient:
-        if self._open is None:
+        # The client itself would wait for an answer that cannot come.
+        if self._open is None or not self._open.connected:
             raise FieldLinkError(f"{self._where}: not connected")
         return self._open
 
@@ -122,18 +148,15 @@ class ModbusPlant:
             self._sent.clear()
         await self._write_inputs()
 
-    async def publish(self) -> None:
-        """Write the inputs as they are, without reading or advancing (before the first scan)."""
-        await self._write_inputs()
-
     async def _read_outputs(self) -> list[int]:
         raw = [0] * len(self.coupling.outputs)
         for block in self._reads:
-            request = self._client.read_coils if block.kind.is_bits \
-                else self._client.read_holding_registers
+            request = getattr(self._client, _READ[block.kind])
             answer = await self._ask(request(block.first, count=block.count,
-                                             device_id=self._unit))
+                                             device_id=self._unit), f"reading {block}")
             numbers = [int(b) for b in answer.bits] if block.kind.is_bits else answer.registers
+            if len(numbers) < block.count:
+                raise FieldLinkError(f"{self._where}: reading {block}: the answer is too short")
             for n, wire in block.wires:
                 start = wire.first - block.first
                 raw[n] = _joined(numbers[start:start + wire.count])
@@ -141,25 +164,29 @@ class ModbusPlant:
 
     async def _write_inputs(self) -> None:
         raw = self.coupling.give_inputs()
-        for block in self._writes:
+        for at, block in enumerate(self._writes):
             numbers = [v for n, wire in block.wires for v in _split(raw[n], wire.count)]
-            if self._sent.get(block) == numbers:
+            if self._sent.get(at) == numbers:
                 continue
-            if block.kind.is_bits:
-                await self._ask(self._client.write_coils(
-                    block.first, [bool(v) for v in numbers], device_id=self._unit))
-            else:
-                await self._ask(self._client.write_registers(
-                    block.first, numbers, device_id=self._unit))
-            self._sent[block] = numbers
+            # A request that fails may have been executed: what the PLC holds is not known.
+            self._sent.pop(at, None)
+            pending = self._client.write_coils(
+                block.first, [bool(v) for v in numbers], device_id=self._unit) \
+                if block.kind.is_bits else \
+                self._client.write_registers(block.first, numbers, device_id=self._unit)
+            await self._ask(pending, f"writing {block}")
+            self._sent[at] = numbers
 
-    async def _ask(self, pending: object) -> ModbusPDU:
+    async def _ask(self, pending: Awaitable[ModbusPDU], what: str) -> ModbusPDU:
         try:
-            answer: ModbusPDU = await pending  # type: ignore[misc]
-        except (ModbusException, OSError, TimeoutError) as problem:
-            raise FieldLinkError(f"{self._where}: {problem}") from None
+            answer = await pending
+        except (ModbusException, OSError) as problem:
+            raise FieldLinkError(f"{self._where}: {what}: {problem}") from None
         if answer.isError():
-            raise FieldLinkError(f"{self._where}: the PLC refused a request: {answer}")
+            code = getattr(answer, "exception_code", 0)
+            name = _EXCEPTIONS.get(code, "unknown")
+            raise FieldLinkError(f"{self._where}: {what}: unit {self._unit} refused with exception "
+                                 f"{code} ({name})")
         return answer
 
 

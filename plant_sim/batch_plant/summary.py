@@ -33,6 +33,7 @@ def report_of(plant: BatchTanks) -> dict[str, Any]:
         "period_s": period_s(plant.memory.series["batch_ns"]),
         "produces": not reason,
         "reason": reason,
+        "stuck": is_stuck(plant),
         "initial": plant.initial_tanks(),
         "tanks": {tank.name: _contents(plant, tank.name) for tank in TANKS},
         "spilled_l": plant.units.litres(plant.volume(SPILL)),
@@ -63,9 +64,7 @@ def period_s(starts_ns: Sequence[int]) -> float | None:
 
 def why_nothing(plant: BatchTanks) -> str:
     """Why the plant does not produce, in words; empty if it does."""
-    numbers = plant.memory.numbers
-    idle_s = (plant.t_ns - numbers["moved_ns"]) / 1e9
-    stuck = not plant.memory.flags["moves"] and idle_s > _PATIENCE_S
+    numbers, stuck = plant.memory.numbers, is_stuck(plant)
     if numbers["batches"] and not stuck:
         return ""
     if stuck and numbers["moved_ns"]:
@@ -75,6 +74,12 @@ def why_nothing(plant: BatchTanks) -> str:
     else:
         cause = "no process was ever started"
     return f"{cause}; {_stock(plant)}"
+
+
+def is_stuck(plant: BatchTanks) -> bool:
+    """Whether nothing moves, and nothing has moved for so long that nothing will."""
+    idle_s = (plant.t_ns - plant.memory.numbers["moved_ns"]) / 1e9
+    return not plant.memory.flags["moves"] and idle_s > _PATIENCE_S
 
 
 def _stock(plant: BatchTanks) -> str:

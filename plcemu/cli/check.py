@@ -8,7 +8,7 @@ from pathlib import Path
 
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
-from plcemu.cli.output import print_json, show_warnings
+from plcemu.cli.output import print_json
 from plcemu.ir.program import Program
 from plcemu.ir.text import print_program
 from plcemu.lang.compile import compile_program
@@ -43,7 +43,10 @@ def execute(arguments: argparse.Namespace) -> int:
             document["dump"] = _dump(program, arguments.dump)
         print_json(document)
         return 0 if program is not None else failure
-    show_warnings(diagnostics)
+    # With --dump, stdout is the dump's.
+    out = sys.stderr if arguments.dump else sys.stdout
+    for diagnostic in diagnostics:
+        print(diagnostic, file=out)
     if program is None:
         return failure
     if arguments.dump:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
-from plcemu.cli.output import properties_table
+from plcemu.cli.output import console, properties_table, set_up_logging
 from plcemu.runtime.daemon import Daemon
 
 REFRESH_S = 0.5
@@ -20,53 +20,65 @@ REFRESH_S = 0.5
 ROWS = 12
 """Properties shown at most; violated and pending ones come first."""
 
+STEPS = 24
+"""Active steps shown at most."""
+
+_ORDER = ("violated", "presumably violated", "inconclusive", "presumably satisfied", "satisfied")
+
 
 class LiveView:
     """Shows scan time, overruns, active steps, verdicts and plant counters while a daemon runs.
 
-    Pictures are drawn from the cycle's own turn, never from another thread.
+    It begins with the first lap, and gives way to the report at the end. Pictures are drawn from
+    the cycle's own turn, never from another thread; log lines come above them.
+
+    Args:
+        daemon: what is shown.
+        verbose: whether the log tells more.
     """
 
-    def __init__(self, daemon: Daemon) -> None:
-        self._daemon = daemon
+    def __init__(self, daemon: Daemon, verbose: bool) -> None:
+        self._daemon, self._verbose = daemon, verbose
         self._steps = [i for i, tag in enumerate(daemon.system.resource.memory.tags)
                        if tag.name.endswith(".X")]
-        self._live = Live(console=Console(stderr=True), auto_refresh=False)
-        self._drawn = 0.0
+        self._console = console(to_stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
+        self._drawn: float | None = None
 
     def __enter__(self) -> Self:
-        self._live.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        self._live.update(self._picture(), refresh=True)
-        self._live.stop()
+        if self._drawn is not None:
+            self._live.stop()
+            set_up_logging(self._verbose)
 
     def on_lap(self) -> None:
         """Draw a new picture if the last one is old."""
         now = time.monotonic()
-        if now - self._drawn >= REFRESH_S:
-            self._drawn = now
-            self._live.update(self._picture(), refresh=True)
+        if self._drawn is None:
+            self._live.start()
+            set_up_logging(self._verbose)  # stderr is now the view's
+        elif now - self._drawn < REFRESH_S:
+            return
+        self._drawn = now
+        self._live.update(self._picture(), refresh=True)
 
     def _picture(self) -> RenderableType:
         system, server = self._daemon.system, self._daemon.server
         counters = system.cycle.counters
         state = Text(f"{system.config.name or 'PLC'}  {system.resource.state.value}",
                      style="bold green" if system.resource.fault is None else "bold red")
-        facts = Table.grid(padding=(0, 2))
-        facts.add_row("time", f"{system.cycle.t_ns / 1e9:.1f} s",
-                      "scans", str(system.cycle.scan_number),
-                      "overruns", f"{counters.overruns} ({counters.missed} missed)")
-        facts.add_row("lap", f"{counters.last_lap_ns / 1e6:.2f} ms, max "
-                      f"{counters.max_lap_ns / 1e6:.2f}",
-                      "late", f"{counters.late_ns / 1e6:.2f} ms, max "
-                      f"{counters.max_late_ns / 1e6:.2f}",
-                      "Modbus", self._modbus(server.counters if server else None))
-        parts: list[RenderableType] = [state, facts, Text("steps  " + self._active_steps())]
-        parts += self._plant_and_verdicts()
-        return Group(*parts)
+        if system.resource.fault is not None:
+            state.append(f"  {system.resource.fault}")
+        scans = (f"time {system.cycle.t_ns / 1e9:.1f} s   scans {system.cycle.scan_number}   "
+                 f"overruns {counters.overruns} ({counters.missed} missed)")
+        laps = (f"lap {counters.last_lap_ns / 1e6:.2f} ms, max {counters.max_lap_ns / 1e6:.2f}   "
+                f"late {counters.late_ns / 1e6:.2f} ms, max {counters.max_late_ns / 1e6:.2f}")
+        lines = [scans, laps, f"Modbus {self._modbus(server.counters if server else None)}",
+                 f"steps {self._active_steps()}", *self._plant()]
+        return Group(state, *(Text(line) for line in lines), *self._verdicts())
 
     @staticmethod
     def _modbus(counters: dict[str, int] | None) -> str:
@@ -76,25 +88,26 @@ class LiveView:
 
     def _active_steps(self) -> str:
         memory = self._daemon.system.resource.memory
-        names = [memory.tags[i].name.removesuffix(".X") for i in self._steps if memory.read(i)]
-        shown = [n.rsplit(".", 1)[-1] for n in names]
-        return " ".join(shown[:24]) + (" ..." if len(shown) > 24 else "") or "-"
+        names = [memory.tags[i].name.split(".")[-2] for i in self._steps if memory.read(i)]
+        return " ".join(names[:STEPS]) + (" ..." if len(names) > STEPS else "") or "-"
 
-    def _plant_and_verdicts(self) -> list[RenderableType]:
-        system, parts = self._daemon.system, list[RenderableType]()
-        if system.plant is not None:
-            if system.plant.stepped_aside:
-                parts.append(Text("plant  outside: a client drives the field inputs"))
-            else:
-                facts = system.plant.coupling.plant.observe()
-                parts.append(Text("plant  " + "  ".join(
-                    f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}"
-                    for k, v in facts.items() if v)))
-        results = [r.as_json() for r in system.cycle.suite.results()]
-        results.sort(key=lambda r: str(r["verdict"]).endswith("satisfied"))
-        if results:
-            parts.append(properties_table(results[:ROWS]))
-            if len(results) > ROWS:
-                parts.append(Text(f"... and {len(results) - ROWS} more, none of them violated"
-                                  if results[ROWS]["verdict"] != "violated" else "..."))
-        return parts
+    def _plant(self) -> list[str]:
+        plant = self._daemon.system.plant
+        if plant is None:
+            return []
+        if plant.stepped_aside:
+            return ["plant outside: a client drives the inputs"]
+        facts = plant.coupling.plant.observe()
+        shown = [name if value is True else f"{name} {value:g}" for name, value in facts.items()
+                 if value > 0 or name == "batches"]
+        return [f"plant {plant.coupling.plant.t_ns / 1e9:.0f} s   " + "   ".join(shown)]
+
+    def _verdicts(self) -> list[RenderableType]:
+        results = [r.as_json() for r in self._daemon.system.cycle.suite.results()]
+        results.sort(key=lambda r: _ORDER.index(str(r["verdict"])))
+        if not results:
+            return []
+        counts = Counter(str(r["verdict"]) for r in results)
+        rows = max(1, min(ROWS, self._console.height - 12))
+        return [Text("properties " + ", ".join(f"{counts[v]} {v}" for v in _ORDER if counts[v])),
+                properties_table(results[:rows], self._console.width, brief=True)]

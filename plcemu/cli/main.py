@@ -6,9 +6,12 @@ Exit codes: 0 holds, 1 a verdict failed or a diagnostic was found, 2 wrong usage
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from plcemu import __version__
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError
@@ -31,7 +34,8 @@ def make_parser() -> argparse.ArgumentParser:
     for module in COMMANDS:
         sub = commands.add_parser(module.NAME, help=module.HELP, description=module.HELP,
                                   epilog=getattr(module, "EPILOG", None),
-                                  formatter_class=argparse.RawDescriptionHelpFormatter)
+                                  formatter_class=argparse.RawDescriptionHelpFormatter,
+                                  allow_abbrev=False)
         sub.add_argument("--json", action="store_true",
                          help="print one JSON document and nothing else on stdout")
         module.add_arguments(sub)
@@ -41,6 +45,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code; a user's mistake never shows a traceback."""
+    _prepare_streams()
     parsed = make_parser().parse_args(arguments)
     try:
         code: int = parsed.execute(parsed)
@@ -59,13 +64,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except OSError as error:
+        what = f"{error.filename}: " if error.filename else ""
+        text = f"plcemu: {what}{error.strerror or error}"
+        return _fail(parsed, WRONG_USE, "problems", [text], text)
+
+
+def _prepare_streams() -> None:
+    """Let output never fail for want of a character or of a stream."""
+    if sys.stdout is None:  # started with a closed stdout
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _fail(parsed: argparse.Namespace, code: int, key: str, problems: object,
-          error: Exception) -> int:
-    if parsed.json:
-        print_json({"error": str(error), key: problems})
-    print(error, file=sys.stderr)
+          error: object) -> int:
+    with contextlib.suppress(OSError):  # the mistake may be that nothing can be written
+        if parsed.json:
+            print_json({"error": str(error), key: problems})
+            sys.stdout.flush()
+        print(error, file=sys.stderr)
     return code
 
 

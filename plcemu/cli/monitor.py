@@ -30,5 +30,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"properties": rows})
     else:
-        console().print(properties_table(rows))
+        out = console()
+        out.print(properties_table(rows, out.width))
     return 1 if any(r.failed for r in results) else 0

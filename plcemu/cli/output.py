@@ -16,13 +16,19 @@ from rich.table import Table
 from plcemu.base.spans import Diagnostic
 from plcemu.base.time import DurationError, parse_duration_ns
 
-LIMITED = 200
-"""Lines of warnings shown before the rest is only counted."""
+LIMITED = 20
+"""Warnings that `run` and `simulate` show before the rest is only counted."""
+
+NARROW = (60, 90)
+"""Columns below which verdicts are shown alone, and without the properties' meanings."""
+
+PIPE_COLUMNS = 1000
+"""Columns a table may take where no terminal shows it."""
 
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Print one JSON document on stdout; numbers that JSON has no word for become null."""
-    json.dump(_plain(document), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
+    json.dump(_plain(document), sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
 
 
@@ -46,8 +52,9 @@ def add_config_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_set_argument(parser: argparse.ArgumentParser) -> None:
     """Add --set."""
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="overrides",
-                        help="override a parameter of the configuration, such as load=3 or "
+    parser.add_argument("--set", action="append", default=[], dest="overrides",
+                        metavar="NAME=VALUE",
+                        help="override a key of the configuration, such as load=3 or "
                         "plant.time_scale=100; may be given several times")
 
 
@@ -63,9 +70,11 @@ def duration(text: str) -> int:
 
 
 def console(to_stderr: bool = False) -> Console:
-    """Return a console; into a file or pipe, tables are not squeezed into 80 columns."""
-    made = Console(stderr=to_stderr, highlight=False)
-    return made if made.is_terminal else Console(stderr=to_stderr, highlight=False, width=200)
+    """Return a console that shows texts as they are; in a file or pipe, lines are not squeezed."""
+    made = Console(stderr=to_stderr, highlight=False, markup=False, emoji=False)
+    if not made.is_terminal:
+        made.width = PIPE_COLUMNS
+    return made
 
 
 def show_warnings(warnings: Sequence[Diagnostic]) -> None:
@@ -73,7 +82,8 @@ def show_warnings(warnings: Sequence[Diagnostic]) -> None:
     for warning in warnings[:LIMITED]:
         print(warning, file=sys.stderr)
     if len(warnings) > LIMITED:
-        print(f"... and {len(warnings) - LIMITED} more warnings", file=sys.stderr)
+        print(f"... and {len(warnings) - LIMITED} more warnings; `plcemu check` shows all",
+              file=sys.stderr)
 
 
 def set_up_logging(verbose: bool) -> None:
@@ -84,18 +94,25 @@ def set_up_logging(verbose: bool) -> None:
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 
-def properties_table(properties: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the verdicts as a table."""
-    table = Table(title="properties", title_justify="left", box=None, pad_edge=False)
-    for heading in ("name", "verdict", "triggers", "decided at", "meaning"):
-        table.add_column(heading, justify="right" if heading == "triggers" else "left")
+def properties_table(properties: Sequence[Mapping[str, Any]], columns: int,
+                     brief: bool = False) -> Table:
+    """Return the verdicts as a table that fits a width in columns.
+
+    A brief one has one line for each property, without its meaning; so has a narrow one.
+    """
+    table = Table(box=None, pad_edge=False)
+    shown = 2 if columns < NARROW[0] else 4 if brief or columns < NARROW[1] else 5
+    headings = ("property", "verdict", "triggers", "decided at", "meaning")[:shown]
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading == "triggers" else "left",
+                         no_wrap=heading != "meaning", overflow="fold")
     styles = {"violated": "bold red", "presumably violated": "yellow", "inconclusive": "yellow"}
     for entry in properties:
         decided = entry["decided_at_s"]
         vacuous = " (vacuous)" if entry.get("vacuous") else ""
-        table.add_row(entry["name"], entry["verdict"] + vacuous, str(entry["triggers"]),
-                      "" if decided is None else f"{decided:g} s", entry.get("description", ""),
-                      style=styles.get(entry["verdict"], ""))
+        cells = (entry["name"], entry["verdict"] + vacuous, str(entry["triggers"]),
+                 "" if decided is None else f"{decided:g} s", entry.get("description", ""))
+        table.add_row(*cells[:len(headings)], style=styles.get(entry["verdict"], ""))
     return table
 
 
@@ -104,11 +121,11 @@ def print_report(report: Mapping[str, Any]) -> None:
     out = console()
     name = report["name"] or "PLC"
     out.print(f"{name}: {report['state']} at {report['t_s']:g} s, {report['scans']} scans, "
-                  f"{report['overruns']} overruns")
+              f"{report['overruns']} overruns")
     if "fault" in report:
         out.print(f"FAULT: {report['fault']}", style="bold red")
     if report["properties"]:
-        out.print(properties_table(report["properties"]))
+        out.print(properties_table(report["properties"], out.width))
         for entry in report["properties"]:
             _print_violation(out, entry)
     for line in _plant_lines(report.get("plant") or {}):
@@ -123,7 +140,7 @@ def _print_violation(out: Console, entry: Mapping[str, Any]) -> None:
     trigger = story.get("trigger_s")
     since = f", triggered at {trigger:g} s" if trigger is not None else ""
     out.print(f"  decided at {story['decided_at_s']:g} s{since}; to blame: " +
-                  ", ".join(f"{tag} = {value}" for tag, value in story["blamed"].items()))
+              ", ".join(f"{tag} = {value}" for tag, value in story["blamed"].items()))
     for row in story["recent"]:
         out.print(f"  {row['t_s']:>12g} s  {row['tag']} := {row['value']}")
 
@@ -135,7 +152,9 @@ def _plant_lines(plant: Mapping[str, Any]) -> list[str]:
         long_run = f", {period:.1f} s a batch in the long run" if period is not None else ""
         lines.append(f"plant: {plant['batches']} batches{long_run}")
     if plant.get("reason"):
-        lines.append(f"plant: does not produce: {plant['reason']}")
+        still = "stands still" if plant.get("batches") else "produces nothing"
+        what = still if plant.get("stuck") else "no batch so far"
+        lines.append(f"plant: {what}: {plant['reason']}")
     return lines
 
 

@@ -7,7 +7,6 @@ import asyncio
 import logging
 import signal
 from pathlib import Path
-from typing import Any
 
 from hil.modbus_plant import ModbusPlant
 from plcemu.base.errors import ConfigError
@@ -19,8 +18,9 @@ from plcemu.runtime.system import make_coupling, make_map
 
 NAME = "plant"
 HELP = "the soft plant alone, as a Modbus client of any PLC"
-EPILOG = """The plant goes on through outages of the PLC. If it is killed, the next start with the same
-configuration and PLC goes on from the state it had; --fresh starts anew.
+EPILOG = """The plant goes on through outages of the PLC. If it is killed or terminated, the next
+start with the same configuration and the same run of the PLC goes on from the state it had; after
+Ctrl-C, at the end of --for and with --fresh it starts anew.
 
 example:
   plcemu plant il_programs/batch_plant --connect 127.0.0.1:5020 --set load=3"""
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set_argument(parser)
     parser.add_argument("--connect", required=True, metavar="HOST:PORT", type=_address,
                         help="the PLC's Modbus TCP server")
-    parser.add_argument("--unit", type=int, default=1, metavar="N",
+    parser.add_argument("--unit", type=_unit, default=1, metavar="N",
                         help="the Modbus unit identifier to ask (default: 1)")
     parser.add_argument("--for", dest="duration", metavar="DURATION", type=duration,
                         help="stop after this much time")
@@ -48,9 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
+    is_number = port.isdecimal() and port.isascii() and len(port) < 6
+    if not (colon and host and is_number and 0 < int(port) < 65536):
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:5020")
     return host.strip("[]"), int(port)
+
+
+def _unit(text: str) -> int:
+    if not (text.isdecimal() and text.isascii() and int(text) < 256):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a unit identifier, 0 to 255")
+    return int(text)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -58,7 +65,8 @@ def execute(arguments: argparse.Namespace) -> int:
     set_up_logging(arguments.verbose)
     config = load_config(arguments.config, arguments.overrides)
     plant = _prepare(config, arguments)
-    asyncio.run(_run(plant, arguments.duration))
+    terminated = asyncio.run(_run(plant, arguments.duration))
+    plant.end(forget=not terminated)
     report = plant.report()
     if arguments.json:
         print_json(report)
@@ -72,28 +80,25 @@ def _prepare(config: Config, arguments: argparse.Namespace) -> RemotePlant:
         raise ConfigError([f"{arguments.config}: has no plant; add a section 'plant:'"])
     host, port = arguments.connect
     where = f"{host}:{port}/{arguments.unit}"
-    state = StateFile(arguments.state, "") if arguments.state else StateFile.default(config, where)
-    coupling = make_coupling(config.plant, None if arguments.fresh else _left(state))
+    state = StateFile.of(config, where, arguments.state)
+    coupling = make_coupling(config)
     try:
         link = ModbusPlant(coupling, make_map(config), host, port, arguments.unit)
-    except (UnmappedError, ValueError) as problem:
-        raise ConfigError([f"{arguments.config}: {problem}"]) from None
-    return RemotePlant(link, config.plant.period or config.cycle, state)
+    except UnmappedError as problem:
+        raise config.mistake(("plant",), problem) from None
+    return RemotePlant(link, config.plant.period or config.cycle, state, arguments.fresh)
 
 
-def _left(state: StateFile) -> dict[str, Any] | None:
-    """Return the state a killed plant left, and say so."""
-    found = state.load()
-    if found is None:
-        return None
-    _LOG.warning("going on from the state of a plant that ended without notice %.0f s ago; "
-                 "--fresh starts anew", found[1])
-    return found[0]
+async def _run(plant: RemotePlant, duration_ns: int | None) -> bool:
+    """Run, and return whether another process ended it, which may start it again."""
+    received: list[signal.Signals] = []
 
+    def stop(number: signal.Signals) -> None:
+        received.append(number)
+        plant.stop()
 
-async def _run(plant: RemotePlant, duration_ns: int | None) -> None:
-    stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    await plant.run(stop, duration_ns)
+        loop.add_signal_handler(number, stop, number)
+    await plant.run(duration_ns)
+    return signal.SIGTERM in received

@@ -48,10 +48,10 @@ def execute(arguments: argparse.Namespace) -> int:
     system = System(load_config(arguments.config, arguments.overrides),
                     with_plant=not arguments.no_plant)
     live = sys.stderr.isatty() and not arguments.json and not arguments.no_live
-    if not live:
-        set_up_logging(arguments.verbose)
+    set_up_logging(arguments.verbose)
     show_warnings(system.warnings)
-    report = asyncio.run(_run(system, arguments.duration, live))
+    daemon = Daemon(system, arguments.duration)
+    report = asyncio.run(_run(daemon, LiveView(daemon, arguments.verbose) if live else None))
     if arguments.json:
         print_json(report)
     else:
@@ -59,10 +59,9 @@ def execute(arguments: argparse.Namespace) -> int:
     return 1 if failed(report) else 0
 
 
-async def _run(system: System, duration_ns: int | None, live: bool) -> dict[str, object]:
-    daemon = Daemon(system, duration_ns)
-    if live:
-        with LiveView(daemon) as view:
+async def _run(daemon: Daemon, view: LiveView | None) -> dict[str, object]:
+    if view is not None:
+        with view:
             await daemon.run(view.on_lap)
     else:
         await daemon.run()

@@ -6,13 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from plcemu.base.errors import PlcemuError
 from plcemu.base.trace import Trace
-from plcemu.base.tracefile import save, writer_for
+from plcemu.base.tracefile import FORMATS, save
 from plcemu.cli.output import (
     add_config_arguments,
+    console,
     duration,
     failed,
     print_json,
@@ -27,6 +28,9 @@ NAME = "simulate"
 HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
 EPILOG = """example:
   plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd"""
+
+LAPS_SHOWN = 100
+"""Laps between two looks at the progress bar, which cost more than a lap."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Simulate, and return 1 if a property is violated or the program faults."""
-    if arguments.trace is not None:
-        writer_for(arguments.trace)
+    _check_files(arguments.trace, arguments.report)
     system = System(load_config(arguments.config, arguments.overrides))
     if not arguments.json:
         show_warnings(system.warnings)
@@ -56,7 +59,7 @@ def execute(arguments: argparse.Namespace) -> int:
     _run(system, arguments.until, arguments.dense)
     report = system.report()
     if trace is not None:
-        trace.end_ns = arguments.until
+        trace.end_ns = system.cycle.end_ns
         if arguments.trace is not None:
             save(trace, arguments.trace)
         if arguments.report is not None:
@@ -68,15 +71,31 @@ def execute(arguments: argparse.Namespace) -> int:
     return 1 if failed(report) else 0
 
 
+def _check_files(trace: Path | None, report: Path | None) -> None:
+    """Refuse at once what could not be written after a long run."""
+    if trace is not None and trace.suffix.lower() not in FORMATS:
+        raise PlcemuError(f"--trace {trace}: found the ending {trace.suffix!r}, expected one of "
+                          f"{', '.join(FORMATS)}")
+    for path in (trace, report):
+        if path is not None and (path.is_dir() or not path.parent.is_dir()):
+            raise PlcemuError(f"{path}: cannot be written: it is a folder, or in no folder")
+
+
 def _run(system: System, until_ns: int, dense: bool) -> None:
     """Run with a progress bar on a terminal."""
-    console = Console(stderr=True)
     if not (sys.stderr.isatty() and until_ns):
         system.cycle.run_virtual(until_ns, dense=dense)
         return
     columns = (TextColumn("simulating"), BarColumn(),
                TextColumn("{task.completed:.0f} / {task.total:.0f} s"), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=console(to_stderr=True), transient=True) as progress:
         bar = progress.add_task("", total=until_ns / 1e9)
-        system.cycle.run_virtual(
-            until_ns, lambda t_ns: progress.update(bar, completed=t_ns / 1e9), dense)
+        laps = 0
+
+        def on_progress(t_ns: int) -> None:
+            nonlocal laps
+            laps += 1
+            if laps % LAPS_SHOWN == 0:
+                progress.update(bar, completed=t_ns / 1e9)
+
+        system.cycle.run_virtual(until_ns, on_progress, dense)

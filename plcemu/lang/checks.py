@@ -114,7 +114,7 @@ def _warn_of_variables(scope: Scope, written: set[tuple[str, int]],
             continue
         if key not in written and _is_output(variable):
             report.warning("P0071", variable.span, f"output {variable.name!r} is never written")
-        elif key not in called and key not in written and _is_instance(place.type) \
+        elif key not in called and _is_instance(place.type) \
                 and variable.section != "VAR_IN_OUT":
             report.warning("P0072", variable.span,
                            f"function block instance {variable.name!r} is never called")

@@ -253,14 +253,14 @@ class Expressions:
             self.report.error("P0023", argument.span, f"{field.name} is {field.target.name}, "
                               f"{place.name} is {place.type.name}")
             return False
-        self._mark(argument.value, place)
+        self._mark(argument.value, place, True)
         self._out.push_address(place, argument.span)
         return True
 
-    def _mark(self, node: s.Name | s.Direct, place: Place) -> None:
-        """Remember that a variable is written."""
+    def _mark(self, node: s.Name | s.Direct, place: Place, called: bool = False) -> None:
+        """Remember that a variable is written, or handed to what may call it."""
         if isinstance(node, s.Name):
-            self._out.scope.mark(node.head)
+            self._out.scope.mark(node.head, called)
         else:
             self._out.scope.written.add((place.base, place.offset))
 

@@ -60,7 +60,8 @@ def _association(cursor: Cursor) -> s.Association:
     if not simple:
         span = variable.span
         text = "".join(span.source.text[span.start:span.end].split())
-    qualifier, time, indicators = "N", None, []
+    qualifier, time = "N", None
+    indicators: list[s.Name | s.Direct] = []
     if cursor.accept("("):
         if not cursor.at(")"):
             qualifier, time, indicators = _qualifier(cursor)

@@ -13,6 +13,11 @@ REGULAR_OBJECTS = range(0x80)
 EXTENDED_OBJECTS = range(0x80, 0x100)
 
 
+RUN_OBJECT = 0x80
+"""The private object in which a server shows the run of the PLC behind it: another start, another
+text. So a client that was away can tell whether it meets the same run."""
+
+
 @dataclass(frozen=True, slots=True)
 class Identity:
     """The identification objects of one server, as ASCII texts.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from plcemu.base.areas import Address, parse_address
 from plcemu.base.errors import PlcemuError, UnknownNameError
+from plcemu.base.time import DurationError, parse_duration_ns
 from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
 from plcemu.engine.memory import Memory
 from plcemu.io.exchange import MEMORY, Exchange, Port
@@ -29,6 +30,7 @@ class TagAccess:
         self._memory = memory
         self._exchange = exchange
         self._port: Port = exchange.port(name)
+        self._waiting: list[tuple[str, int, bytes, bytes | None]] = []
 
     def read(self, name: str) -> Value:
         """Return a value as this client sees it: last published, its own writes over it.
@@ -46,6 +48,8 @@ class TagAccess:
     def write(self, name: str, value: Value) -> None:
         """Queue a value; the next scan takes it.
 
+        A duration may also be a text, such as `"1.5s"`.
+
         Raises:
             UnknownNameError: neither a tag nor an address.
             ValueTypeError: the value does not fit the type.
@@ -53,12 +57,28 @@ class TagAccess:
         address, row, offset = self._find(name)
         data = self._pack(name, row, value)
         if address is None:
-            self._port.write(MEMORY, offset, data)
+            self._queue(MEMORY, offset, data, None)
         else:
-            self._port.write(*Point(name, address).image_write(int.from_bytes(data, "little")))
+            self._queue(*Point(name, address).image_write(int.from_bytes(data, "little")))
+
+    def _queue(self, area: str, offset: int, data: bytes, mask: bytes | None) -> None:
+        if not self._exchange.waiting:
+            self._waiting.clear()
+        self._port.write(area, offset, data, mask)
+        self._waiting.append((area, offset, data, mask))
+
+    def repeat(self, other: TagAccess) -> None:
+        """Queue the writes of another client, of a PLC of the same program, that still wait."""
+        for write in other._waiting if other._exchange.waiting else ():
+            self._queue(*write)
 
     def force(self, name: str, value: Value) -> None:
-        """Hold a tag at a value from the next scan on, whoever else writes it."""
+        """Hold a tag at a value from the next scan on, whoever else writes it.
+
+        Raises:
+            UnknownNameError: no tag of the program.
+            ValueTypeError: the value does not fit the type.
+        """
         index = self._memory.tags.find(name)
         offset, row = self._memory.place(index)
         self._exchange.force(offset, self._pack(name, row, value))
@@ -68,6 +88,8 @@ class TagAccess:
         self._exchange.unforce(self._memory.place(self._memory.tags.find(name))[0])
 
     def _find(self, name: str) -> tuple[Address | None, ElementaryType | StringType, int]:
+        if not isinstance(name, str):
+            raise TypeError(f"{name!r} is no name; write the text of a tag or an address")
         try:
             index = self._memory.tags.find(name)
         except UnknownNameError:
@@ -91,6 +113,10 @@ class TagAccess:
     @staticmethod
     def _pack(name: str, row: ElementaryType | StringType, value: Value) -> bytes:
         try:
+            if row.kind == "time" and isinstance(value, str):
+                return row.pack(parse_duration_ns(value))
             return row.pack(value)
-        except ValueError as problem:
+        except (ValueError, DurationError) as problem:
             raise ValueTypeError(f"{name}: {problem}") from None
+        except TypeError:
+            raise ValueTypeError(f"{name}: {value!r} is not a value of type {row.name}") from None

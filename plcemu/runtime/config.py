@@ -5,14 +5,24 @@ Paths in a file are relative to that file. `extends` takes another configuration
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    field_validator,
+)
 
+from plant_sim.registry import load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
 from plcemu.base.time import DurationError, parse_duration_ns
@@ -20,43 +30,69 @@ from plcemu.runtime.yamltext import KeyPath, read_yaml
 
 FILE_NAME = "config.yaml"
 _EXTENDS_LIMIT = 8
+_DIGITS_LIMIT = 40
+"""Characters of a factor; more, or a huge exponent, is a slip and would take ages to compute."""
 
 
 def _duration(value: object) -> int:
     """Read a duration; a bare number has no unit and is refused."""
-    if isinstance(value, str):
-        try:
+    try:
+        if isinstance(value, str):
             return parse_duration_ns(value)
-        except DurationError as problem:
-            raise ValueError(str(problem)) from None
-    raise ValueError(f"{value!r} is not a duration; write a number and a unit, such as 10ms")
+    except (DurationError, ValueError):
+        pass
+    raise ValueError("a number with a unit of d, h, min, s, ms, us or ns, such as 10ms")
+
+
+def _not_negative(value: object) -> int:
+    t_ns = _duration(value)
+    if t_ns < 0:
+        raise ValueError("a duration of 0 or more")
+    return t_ns
 
 
 def _positive(value: object) -> int:
     t_ns = _duration(value)
     if t_ns <= 0:
-        raise ValueError(f"{value!r} is not positive")
+        raise ValueError("a duration of more than 0")
     return t_ns
 
 
 def _factor(value: object) -> Fraction:
+    text, mistake = str(value), ValueError("a number between 1e-9 and 1e9")
+    exponent = text.lower().partition("e")[2].lstrip("+-")
+    if len(text) > _DIGITS_LIMIT or len(exponent) > 2:
+        raise mistake
     try:
-        factor = Fraction(str(value))
+        factor = Fraction(text)
     except (ValueError, ZeroDivisionError):
-        raise ValueError(f"{value!r} is not a number") from None
-    if factor <= 0:
-        raise ValueError(f"{value!r} is not positive")
+        raise mistake from None
+    if not Fraction(1, 10**9) <= factor <= 10**9:
+        raise mistake
     return factor
+
+
+def _number(value: object) -> object:
+    if not isinstance(value, bool | int | float):
+        raise ValueError("true, false or a number")
+    return value
 
 
 def _texts(value: object) -> object:
     return [value] if isinstance(value, str) else value
 
 
-Duration = Annotated[int, BeforeValidator(_duration)]
+def _text(value: object) -> object:
+    """Take a number for a text where a text is wanted: a name such as 7 needs no quotes."""
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Duration = Annotated[int, BeforeValidator(_not_negative)]
 PositiveDuration = Annotated[int, BeforeValidator(_positive)]
 Factor = Annotated[Fraction, BeforeValidator(_factor)]
 Texts = Annotated[list[str], BeforeValidator(_texts)]
+Number = Annotated[bool | int | float, BeforeValidator(_number)]
+Unit = Annotated[int, Field(ge=0, le=255)]
 
 
 class Section(BaseModel):
@@ -77,12 +113,12 @@ class TaskSection(Section):
 class RangeSection(Section):
     """A stretch of the Modbus map."""
 
-    type: str
+    type: Literal["discrete", "coil", "input", "holding"]
     first: int = Field(ge=0, le=65535)
     count: int = Field(ge=1, le=65536)
     area: str
     element: int = Field(0, ge=0)
-    access: str = "r"
+    access: Literal["r", "rw"] = "r"
     field_window: bool = False
 
 
@@ -91,23 +127,49 @@ class ModbusSection(Section):
 
     enabled: bool = True
     host: str = "127.0.0.1"
-    port: int = Field(5020, ge=0, le=65535)
-    units: list[int] | None = None
+    port: int = Field(default=5020, ge=0, le=65535)
+    units: list[Unit] | None = None
     field_window: bool = True
-    max_connections: int = Field(64, ge=1, le=10_000)
+    max_connections: int = Field(default=64, ge=1, le=10_000)
     idle_timeout: PositiveDuration = 60_000_000_000
-    requests_per_scan: int | None = Field(None, ge=1)
+    requests_per_scan: int | None = Field(default=None, ge=1)
     ranges: list[RangeSection] | None = None
 
 
-class InputSection(Section):
-    """Where a sensor's reading goes: an address, and engineering units for one raw count."""
+class PointSection(Section):
+    """A port's place in the process image, and engineering units for one raw count."""
+
+    location: ClassVar[str] = ""
 
     address: str
     scale: Factor = Fraction(1)
 
+    @field_validator("address")
+    @classmethod
+    def _address(cls, text: str) -> str:
+        try:
+            found = parse_address(text).area[0]
+        except ValueError as problem:
+            raise ValueError(f"an address: {problem}") from None
+        if found != cls.location:
+            raise ValueError(f"an address %{cls.location}...: sensors go to inputs (%I), "
+                             "actuators follow outputs (%Q)")
+        return text
 
-def _input(value: object) -> object:
+
+class InputSection(PointSection):
+    """Where a sensor's reading goes."""
+
+    location = "I"
+
+
+class OutputSection(PointSection):
+    """What an actuator follows."""
+
+    location = "Q"
+
+
+def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
 
@@ -117,37 +179,28 @@ class PlantSection(Section):
     model: str
     parameters: dict[str, Any] = {}
     time_scale: Factor = Fraction(1)
-    inputs: dict[str, Annotated[InputSection, BeforeValidator(_input)]] = {}
-    outputs: dict[str, Annotated[InputSection, BeforeValidator(_input)]] = {}
+    inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
+    outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
     period: PositiveDuration | None = None
-
-    @field_validator("inputs", "outputs")
-    @classmethod
-    def _addresses(cls, points: dict[str, InputSection],
-                   info: Any) -> dict[str, InputSection]:
-        letters = "I" if info.field_name == "inputs" else "Q"
-        for name, point in points.items():
-            address = parse_address(point.address)
-            if address.area[0] != letters:
-                raise ValueError(f"{name}: {point.address} is no %{letters} address; sensors go "
-                                 "to inputs (%I), actuators follow outputs (%Q)")
-        return points
 
 
 class Config(Section):
     """A whole configuration."""
 
-    name: str = ""
+    name: Annotated[str, BeforeValidator(_text)] = ""
     program: Texts
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
     tasks: dict[str, TaskSection] = {}
-    safe_outputs: dict[str, bool | int | float] = {}
+    safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
     modbus: ModbusSection = ModbusSection()
     plant: PlantSection | None = None
     properties: Texts = []
+
+    _file: str = PrivateAttr("configuration")
+    _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
 
     @property
     def program_paths(self) -> list[Path]:
@@ -159,6 +212,16 @@ class Config(Section):
         """The files of properties."""
         return [Path(p) for p in self.properties]
 
+    def mistake(self, path: KeyPath, text: object) -> ConfigError:
+        """Return the error of a mistake that shows only when the parts are put together.
+
+        Args:
+            path: of the key; where it stands, or the nearest key above it, is told.
+            text: what is wrong.
+        """
+        where = _place(self._file, self._places, path)
+        return ConfigError([f"{where}: {'.'.join(path)}: {text}"])
+
 
 def find_config(path: str | Path | None) -> Path:
     """Return the configuration file: the file itself, the one in a folder, or ./config.yaml.
@@ -167,55 +230,71 @@ def find_config(path: str | Path | None) -> Path:
         ConfigError: there is none.
     """
     chosen = Path(path) if path is not None else Path(FILE_NAME)
-    if chosen.is_dir():
-        chosen = chosen / FILE_NAME
-    if not chosen.is_file():
-        raise ConfigError([f"{chosen}: there is no such file; name a configuration file, or a "
-                           f"folder that holds {FILE_NAME}"])
+    try:
+        if chosen.is_dir():
+            chosen = chosen / FILE_NAME
+        found = chosen.is_file()
+    except (OSError, ValueError) as problem:
+        why = getattr(problem, "strerror", None) or problem
+        raise ConfigError([f"{reprlib.repr(str(chosen))}: cannot be read: {why}"]) from None
+    if not found:
+        raise ConfigError([(f"{chosen}: there is no such file; name a configuration file, or a "
+                            f"folder that holds {FILE_NAME}")])
     return chosen
 
 
 def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Config:
     """Read a configuration and the `NAME=VALUE` overrides for it.
 
-    NAME is a key path such as `plant.time_scale`, or just the last part of one (`cycle`, `load`):
-    a parameter of the plant comes first.
+    NAME is a key path such as `plant.time_scale`, or just the last part of one (`cycle`, `load`,
+    `port`): a parameter of the plant comes first.
 
     Raises:
         ConfigError: with every mistake, each with its file and line.
     """
     file = find_config(path)
-    values, places = _read(file, 0)
+    values, places = _read(file, ())
     for override in overrides:
         key = _override(values, override)
         places[key] = f"--set {override}"
     try:
-        return Config.model_validate(values)
+        config = Config.model_validate(values)
     except ValidationError as problems:
-        raise ConfigError([_problem(file, places, p) for p in problems.errors()]) from None
+        raise ConfigError([_problem(str(file), places, p) for p in problems.errors()]) from None
+    config._file, config._places = str(file), places
+    return config
 
 
 _PATH_KEYS = ("program", "properties")
 
 
-def _read(file: Path, depth: int) -> tuple[dict[str, Any], dict[KeyPath, str]]:
+def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
     """Read a file over the one it extends; return values and the place of every key path."""
     values, lines = read_yaml(file)
     places = {key: f"{file}:{line}" for key, line in lines.items()}
     for key in _PATH_KEYS:
         if isinstance(values.get(key), str | list):
-            values[key] = [str(file.parent / str(p)) for p in _as_list(values[key])]
-    base = values.pop("extends", None)
-    if base is None:
+            values[key] = [str(file.parent / p) if isinstance(p, str) else p
+                           for p in _as_list(values[key])]
+    if "extends" not in values:
         return values, places
-    if depth >= _EXTENDS_LIMIT:
-        raise ConfigError([f"{file}: extends goes deeper than {_EXTENDS_LIMIT} files; "
-                           "does a file extend itself?"])
-    base_values, base_places = _read(find_config(file.parent / str(base)), depth + 1)
+    base, where = values.pop("extends"), places.pop(("extends",))
+    if not isinstance(base, str):
+        raise ConfigError([f"{where}: extends: found {_shown(base)}, expected a file or folder"])
+    extended = (*extended, file.resolve())
+    try:
+        base_file = find_config(file.parent / base)
+    except ConfigError as problem:
+        raise ConfigError([f"{where}: extends: {problem}"]) from None
+    if base_file.resolve() in extended:
+        raise ConfigError([f"{where}: extends: {base_file} extends this file, in a circle"])
+    if len(extended) > _EXTENDS_LIMIT:
+        raise ConfigError([f"{where}: extends goes deeper than {_EXTENDS_LIMIT} files"])
+    base_values, base_places = _read(base_file, extended)
     return _merged(base_values, values), {**base_places, **places}
 
 
-def _as_list(value: object) -> list[object]:
+def _as_list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value]
 
 
@@ -237,76 +316,117 @@ def _override(values: dict[str, Any], text: str) -> KeyPath:
         raise ConfigError([f"--set {text}: expected NAME=VALUE"])
     try:
         value = yaml.safe_load(raw) if raw.strip() else raw
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):
         value = raw
     path = _resolve(values, name)
     target = values
     for key in path[:-1]:
-        target = target.setdefault(key, {})
+        inner = target.get(key)
+        target[key] = {} if inner is None else {"address": inner} if _is_point(path, inner) \
+            else inner
+        target = target[key]
         if not isinstance(target, dict):
             raise ConfigError([f"--set {text}: {key} holds a value, not keys"])
     target[path[-1]] = value
     return tuple(path)
 
 
+def _is_point(path: Sequence[str], value: object) -> bool:
+    """Whether a value is the short form of a point, an address alone."""
+    return path[0] == "plant" and path[-1] == "scale" and isinstance(value, str)
+
+
+_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"))
+"""Sections whose keys are the user's names, which may hold dots."""
+
+
 def _resolve(values: Mapping[str, Any], name: str) -> list[str]:
+    """Return the key path that a name stands for."""
     parts = name.split(".")
     if len(parts) == 1 and name not in Config.model_fields:
-        plant = values.get("plant")
-        known = plant_parameters(plant.get("model", "")) if isinstance(plant, dict) else []
-        if name in known:
-            return ["plant", "parameters", name]
-        if name in PlantSection.model_fields and isinstance(plant, dict):
-            return ["plant", name]
-        options = [*known, *Config.model_fields, *PlantSection.model_fields]
-        raise ConfigError([f"--set {name}: there is no such parameter{did_you_mean(name, options)}; "
-                           f"the plant's parameters are {', '.join(known) or 'none'}"])
+        return _short_name(values, name)
     if parts[0] not in Config.model_fields:
-        raise ConfigError([f"--set {name}: there is no key {parts[0]!r}"
-                           f"{did_you_mean(parts[0], Config.model_fields)}"])
+        raise ConfigError([(f"--set {name}: there is no key {parts[0]!r}"
+                            f"{did_you_mean(parts[0], Config.model_fields)}")])
+    for free in _FREE_KEYS:
+        rest = parts[len(free):]
+        if tuple(parts[:len(free)]) == free and rest:
+            ending = rest[-1:] if rest[-1] in PointSection.model_fields and len(free) > 1 else []
+            return [*free, ".".join(rest[:len(rest) - len(ending)]), *ending]
     return parts
 
 
-def plant_parameters(model: str) -> list[str]:
-    """Return the names of a plant model's parameters; none for an unknown model."""
-    from plant_sim.registry import PlantLoadError, load
+def _short_name(values: Mapping[str, Any], name: str) -> list[str]:
+    plant = values.get("plant")
+    model = plant.get("model") if isinstance(plant, dict) else None
+    known = plant_parameters(model) if isinstance(model, str) else []
+    if name in known:
+        return ["plant", "parameters", name]
+    if name in PlantSection.model_fields and isinstance(plant, dict):
+        return ["plant", name]
+    if name in ModbusSection.model_fields:
+        return ["modbus", name]
+    options = [*known, *Config.model_fields, *PlantSection.model_fields,
+               *ModbusSection.model_fields]
+    raise ConfigError([(f"--set {name}: there is no such parameter{did_you_mean(name, options)}; "
+                        f"the plant's parameters are {', '.join(known) or 'none'}")])
 
+
+def plant_parameters(model: str) -> list[str]:
+    """Return the names of a plant model's parameters; none for a model that cannot be made."""
     try:
         return [row.name for row in load(model).parameters.table()]
-    except (PlantLoadError, ValueError):
+    except Exception:  # a user's own class may raise anything; making the plant tells what
         return []
 
 
 # ---------------------------------------------------------------- mistakes
 
 
-def _problem(file: Path, places: Mapping[KeyPath, str], error: Any) -> str:
-    location: KeyPath = tuple(error["loc"])
-    path = ".".join(str(part) for part in location)
-    where, prefix = str(file), location
-    while prefix:
-        if prefix in places:
-            where = places[prefix]
-            break
-        prefix = prefix[:-1]
+def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
+    location: KeyPath = tuple(str(p) for p in error["loc"] if p != "[key]")
+    where, path = _place(file, places, location), ".".join(location)
+    if error["type"] == "invalid_key":
+        return f"{where}: the key {path} must be a text"
     if error["type"] == "missing":
         return f"{where}: {path} is missing"
     if error["type"] == "extra_forbidden":
         known = _known_keys(location)
-        return f"{where}: there is no key {path!r}{did_you_mean(str(location[-1]), known)}"
-    message = str(error["msg"]).removeprefix("Value error, ")
-    return f"{where}: {path}: found {error['input']!r}, expected {_expected(message)}" \
-        if error["type"] != "value_error" else f"{where}: {path}: {message}"
+        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], known)}"
+    return f"{where}: {path}: found {_shown(error['input'])}, expected {_expected(error)}"
 
 
-def _expected(message: str) -> str:
-    text = message.removeprefix("Input should be ").removeprefix("a valid ")
-    return text[0].lower() + text[1:]
+def _place(file: str, places: Mapping[KeyPath, str], path: KeyPath) -> str:
+    """Return where a key stands, or the nearest key above it that stands anywhere."""
+    above = (path[:n] for n in range(len(path), 0, -1))
+    return next((places[p] for p in above if p in places), file)
 
 
-def _known_keys(location: KeyPath) -> list[str]:
-    sections = {(): Config, ("plant",): PlantSection, ("modbus",): ModbusSection}
-    section = sections.get(location[:-1])
-    if section is None and location[0] == "tasks":
-        section = TaskSection
-    return list(section.model_fields) if section else []
+def _shown(value: object) -> str:
+    """Return a value as text of bounded length, keys and values told but not written out."""
+    if isinstance(value, dict):
+        return "keys and values"
+    return "a list" if isinstance(value, list) else reprlib.repr(value)
+
+
+def _expected(error: Any) -> str:
+    message = str(error["msg"])
+    for said in ("Value error, ", "Input should be ", "a valid "):
+        message = message.removeprefix(said)
+    if error["type"] == "list_type":
+        return "a list"
+    if error["type"] in ("model_type", "dict_type", "model_attributes_type"):
+        return "keys and values"
+    return message[0].lower() + message[1:]
+
+
+_SECTIONS: Mapping[KeyPath, type[Section]] = {
+    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("tasks", "*"): TaskSection,
+    ("modbus", "ranges", "*"): RangeSection, ("plant", "inputs", "*"): InputSection,
+    ("plant", "outputs", "*"): OutputSection}
+
+
+def _known_keys(location: KeyPath) -> Iterable[str]:
+    above = location[:-1]
+    section = _SECTIONS.get(above) or _SECTIONS.get((*above[:-1], "*"))
+    return section.model_fields if section else ()

@@ -10,8 +10,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import Protocol
 
+from plcemu.base.errors import PlcemuError
 from plcemu.base.tags import Tag, TagTable
 from plcemu.base.time import Clock
 from plcemu.base.trace import Change, Frame, Observer
@@ -88,6 +90,15 @@ class Cycle:
         exchange: over the resource's memory.
         plant: a plant in this process, or None.
         properties: judged while it runs.
+
+    Raises:
+        CompileError: a property does not fit the tags.
+        PlcemuError: two tags have one name.
+
+    Attributes:
+        t_ns: the next release.
+        now_ns: how far the run has come.
+        scan_number: of the next scan.
     """
 
     def __init__(self, resource: Resource, exchange: Exchange, plant: LocalPlant | None = None,
@@ -97,16 +108,35 @@ class Cycle:
         self.plant = plant
         self.counters = CycleCounters()
         self.t_ns = resource.first_release_ns(0)
+        self.now_ns = 0
         self.scan_number = 0
         self.observers: list[Observer] = []
         self._verdicts = _Verdicts(properties)
         self._sources: list[Source] = [s for s in (plant, self.counters) if s is not None]
-        self._last: list[Sequence[Value]] = []
-        self.tags = TagTable([*resource.memory.tags,
-                              *(t for s in [*self._sources, self._verdicts] for t in s.tags)])
+        every: list[Source] = [*self._sources, self._verdicts]
+        self._last: list[Sequence[Value]] = [() for _ in every]
+        lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
+        self._bases = list(accumulate(lengths))
+        try:
+            self.tags = TagTable([*resource.memory.tags,
+                                  *(t for s in every for t in s.tags)])
+        except ValueError as problem:
+            raise PlcemuError(f"{problem}; the names plant, task and monitor are taken, and "
+                              "properties need names of their own") from None
         self.suite = Suite(properties, self.tags)
         self._verdicts.suite = self.suite
         self._started = False
+
+    @property
+    def end_ns(self) -> int:
+        """The last instant of which the run tells: the next release may change anything."""
+        return max(0, min(self.now_ns, self.t_ns - 1))
+
+    def values(self) -> list[Value]:
+        """Return the present values of all tags, in their order."""
+        memory = self.resource.memory
+        return [*(memory.read(i) for i in range(len(memory.tags))),
+                *(v for s in [*self._sources, self._verdicts] for v in s.values())]
 
     # ------------------------------------------------------------ one lap
 
@@ -125,7 +155,7 @@ class Cycle:
             self.plant.after_scan()
         self.counters.laps += 1
         self.scan_number += 1
-        self.t_ns = self.resource.first_release_ns(t_ns + 1)
+        self.now_ns = self.t_ns = self.resource.first_release_ns(t_ns + 1)
 
     def _show(self, t_ns: int) -> None:
         """Make the frame of this lap; the monitors judge it first, their verdicts join it."""
@@ -133,42 +163,29 @@ class Cycle:
         frame = Frame(t_ns, self.scan_number, changes)
         undecided = self.suite.undecided
         self.suite.observe(frame)
-        verdicts = self._verdict_changes() if changes or self.suite.undecided != undecided else ()
-        if verdicts:
-            frame = Frame(t_ns, self.scan_number, changes + verdicts)
+        if changes or self.suite.undecided != undecided:
+            verdicts = self._moved(len(self._sources), self._verdicts.values())
+            frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
         for observer in self.observers:
             observer.observe(frame)
 
     def _changes(self) -> tuple[Change, ...]:
+        """Return what has changed, all in the first frame, without the verdicts."""
         memory = self.resource.memory
-        if not self._started:
-            self._started = True
-            self._last = [s.values() for s in [*self._sources, self._verdicts]]
-            base, changes = len(memory.tags), list(memory.values())
-            for value in (v for values in self._last for v in values):
-                changes.append((base, value))
-                base += 1
-            return tuple(changes)
-        changes, base = list(memory.changes()), len(memory.tags)
+        changes = list(memory.changes() if self._started else memory.values())
+        self._started = True
         for n, source in enumerate(self._sources):
-            changes += self._moved(n, base, source.values())
-            base += len(source.tags)
+            changes += self._moved(n, source.values())
         return tuple(changes)
 
-    def _moved(self, n: int, base: int, now: Sequence[Value]) -> list[Change]:
-        before = self._last[n]
+    def _moved(self, n: int, now: Sequence[Value]) -> list[Change]:
+        """Return the changed values of the source number `n`; the verdicts are the last one."""
+        before, base = self._last[n], self._bases[n]
         if now is before or now == before:
             return []
-        moved = [(base + i, new) for i, (old, new) in enumerate(zip(before, now, strict=True))
-                 if old != new]
         self._last[n] = now
-        return moved
-
-    def _verdict_changes(self) -> tuple[Change, ...]:
-        if not self._verdicts.tags:
-            return ()
-        base = len(self.tags) - len(self._verdicts.tags)
-        return tuple(self._moved(len(self._sources), base, self._verdicts.values()))
+        return [(base + i, new) for i, new in enumerate(now)
+                if i >= len(before) or before[i] != new]
 
     # ------------------------------------------------------------ jumping
 
@@ -176,19 +193,21 @@ class Cycle:
         """Move `t_ns` to the first release, at most the limit's, at which a scan can matter.
 
         A scan cannot matter while the last ones changed no byte, no clock that the program reads
-        runs, nothing waits to be latched, and plant and monitors have no event before it.
+        runs, nothing waits to be latched, and plant and monitors have no event before it. The last
+        release before the limit is never passed over, so that all clocks stand right in the end.
         """
         if not self.resource.is_quiet() or self.exchange.waiting:
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(),
                  self.plant.next_event_ns() if self.plant is not None else None]
-        wake = min(w for w in wakes if w is not None)
-        if wake > self.t_ns:
-            target = self.resource.first_release_ns(min(wake, limit_ns))
+        target = self.resource.first_release_ns(min(w for w in wakes if w is not None))
+        if target >= limit_ns:
+            target = self.resource.last_release_ns(limit_ns)
+        if target > self.t_ns:
             skipped = self.resource.releases_between(self.t_ns, target)
             self.counters.skipped += skipped
             self.scan_number += skipped
-            self.t_ns = target
+            self.now_ns = self.t_ns = target
 
     # ------------------------------------------------------------ running
 
@@ -208,18 +227,28 @@ class Cycle:
         self.finish(until_ns)
 
     def finish(self, t_ns: int) -> None:
-        """Bring plant and monitors to an instant at which a run ends."""
-        if self.plant is not None and not self.plant.stepped_aside:
-            self.plant.coupling.advance(t_ns)
-        self.suite.advance(t_ns)
+        """Bring plant and monitors to an instant, not after the next release, where a run ends."""
+        self.now_ns = t_ns
+        if self.plant is not None:
+            self.plant.advance(t_ns)
+        self.suite.advance(self.end_ns)
 
     async def run(self, clock: Clock, stop: asyncio.Event, until_ns: int | None = None,
                   after_lap: Callable[[], None] | None = None) -> None:
         """Execute releases as the clock reaches them, until `stop` is set or an instant.
 
         A lap that ends after the next release is an overrun: it is counted, and the releases that
-        it missed are skipped, never made up for in a burst.
+        it missed are skipped, never made up for in a burst. Who cancels the waiting for a release
+        ends the run as well.
         """
+        try:
+            await self._laps(clock, stop, until_ns, after_lap)
+        finally:
+            ends = (clock.now_ns(), self.t_ns, self.t_ns if until_ns is None else until_ns)
+            self.finish(min(ends))
+
+    async def _laps(self, clock: Clock, stop: asyncio.Event, until_ns: int | None,
+                    after_lap: Callable[[], None] | None) -> None:
         while not stop.is_set() and (until_ns is None or self.t_ns < until_ns):
             release = self.t_ns
             await clock.sleep_until_ns(release)
@@ -230,15 +259,16 @@ class Cycle:
             self._account(release, begin, clock.now_ns())
             if after_lap is not None:
                 after_lap()
-        self.finish(self.t_ns if until_ns is None else min(self.t_ns, until_ns))
+        if until_ns is not None and not stop.is_set():
+            await clock.sleep_until_ns(min(until_ns, self.t_ns))
 
     def _account(self, release: int, begin: int, end: int) -> None:
         counters = self.counters
         counters.late_ns, counters.last_lap_ns = begin - release, end - begin
         counters.max_late_ns = max(counters.max_late_ns, counters.late_ns)
         counters.max_lap_ns = max(counters.max_lap_ns, counters.last_lap_ns)
-        if end >= self.t_ns:
-            following = self.resource.first_release_ns(end + 1)
+        if end > self.t_ns:
+            following = self.resource.first_release_ns(end)
             counters.overruns += 1
             counters.missed += self.resource.releases_between(self.t_ns, following)
-            self.t_ns = following
+            self.now_ns = self.t_ns = following

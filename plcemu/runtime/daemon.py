@@ -36,13 +36,16 @@ class Daemon:
         self.server: ModbusTcpServer | None = None
         self._until_ns = until_ns
         self._stop = asyncio.Event()
+        self._cycling: asyncio.Task[None] | None = None
         self._teller = _Teller(system)
 
     def stop(self, why: str) -> None:
-        """End the run at the next release."""
+        """End the run at once, after the lap that is under way."""
         if not self._stop.is_set():
             _LOG.info("stopping: %s", why)
             self._stop.set()
+            if self._cycling is not None:
+                self._cycling.cancel()
 
     async def run(self, on_lap: Callable[[], None] | None = None) -> None:
         """Serve and cycle until stopped; then bring the outputs to their safe values.
@@ -54,14 +57,20 @@ class Daemon:
         if system.config.modbus.enabled:
             self.server = system.server()
             await self.server.start()
-            _LOG.info("Modbus TCP on %s:%d", self.server.host, self.server.port)
+        if system.not_judged:
+            _LOG.info("not judged without the plant: %s", ", ".join(system.not_judged))
         self._catch_signals()
         # What lives from here on lives to the end: keep it out of the collector's way.
         gc.collect()
         gc.freeze()
         try:
             with RealClock(system.config.speed) as clock:
-                await system.cycle.run(clock, self._stop, self._until_ns, self._after_lap(on_lap))
+                self._cycling = asyncio.ensure_future(
+                    system.cycle.run(clock, self._stop, self._until_ns, self._after_lap(on_lap)))
+                await self._cycling
+        except asyncio.CancelledError:
+            if not self._stop.is_set():
+                raise
         finally:
             await self._shut_down()
 
@@ -144,5 +153,3 @@ class _Teller:
             _LOG.warning("%d overruns (%d in all, %d releases missed); the longest lap took "
                          "%.1f ms", new, counters.overruns, counters.missed,
                          counters.max_lap_ns / 1e6)
-
-

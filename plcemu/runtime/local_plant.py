@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 
 from hil.coupling import Coupling
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.io.exchange import Exchange
+from plcemu.io.mapping import Point
 
 _LOG = logging.getLogger("plcemu.plant")
 
@@ -17,8 +19,8 @@ _TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
 class LocalPlant:
     """Couples a plant to the exchange, and shows its readings and facts as tags.
 
-    A client that writes the field inputs takes over: then an outside plant drives them, and this
-    one steps aside for good.
+    A client that gives a wired input another value takes over: then an outside plant drives the
+    inputs, and this one steps aside for good.
 
     Args:
         coupling: the plant and its wiring.
@@ -47,6 +49,11 @@ class LocalPlant:
         """Return the values of the tags, in their order."""
         return self._values
 
+    def advance(self, t_ns: int) -> None:
+        """Bring the plant to an instant at which nothing is scanned."""
+        if not self.stepped_aside:
+            self.coupling.advance(t_ns)
+
     def before_scan(self, t_ns: int) -> None:
         """Bring the plant to the instant and queue the inputs that changed."""
         if self.stepped_aside:
@@ -61,16 +68,18 @@ class LocalPlant:
         """Let the plant follow the published outputs; note a take-over by a client."""
         if self.stepped_aside:
             return
-        if self._exchange.writers - {self.PORT}:
+        others = self._exchange.writers - {self.PORT}
+        if others and self._published(self.coupling.inputs) != self._written:
             self.stepped_aside = True
             self._event_ns = None
-            _LOG.warning("%s writes the field inputs: the plant in this process steps aside",
-                         ", ".join(sorted(self._exchange.writers - {self.PORT})))
+            _LOG.warning("%s writes the plant's inputs: the plant in this process steps aside",
+                         ", ".join(sorted(others)))
             return
-        raw = [p.from_image(self._exchange.published(*p.image_place()))
-               for p in self.coupling.outputs]
-        if self.coupling.take_outputs(raw):
+        if self.coupling.take_outputs(self._published(self.coupling.outputs)):
             self._refresh()
+
+    def _published(self, points: Sequence[Point]) -> list[int]:
+        return [p.from_image(self._exchange.published(*p.image_place())) for p in points]
 
     def next_event_ns(self) -> int | None:
         """Return the first instant at which a reading or fact has changed, if outputs stay."""
@@ -91,4 +100,4 @@ class LocalPlant:
     def _read(self) -> list[Value]:
         plant = self.coupling.plant
         sensed, facts = plant.sense(), plant.observe()
-        return [sensed[p.name] for p in self._sensors] + [facts[f.name] for f in plant.facts]
+        return [*(sensed[p.name] for p in self._sensors), *(facts[f.name] for f in plant.facts)]

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
+from plcemu.base.errors import UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.time import parse_duration_ns
 from plcemu.base.trace import Trace
@@ -72,7 +73,12 @@ class Plc:
     # ------------------------------------------------------------ values
 
     def __getitem__(self, name: str) -> Value:
-        return self._access.read(name)
+        try:
+            return self._access.read(name)
+        except UnknownNameError:
+            if name not in self.tags:
+                raise
+        return self._cycle.values()[self.tags.find(name)]
 
     def __setitem__(self, name: str, value: Value) -> None:
         self._access.write(name, value)
@@ -80,10 +86,12 @@ class Plc:
     def force(self, name: str, value: Value) -> None:
         """Hold a tag at a value until `unforce`, whoever else writes it."""
         self._access.force(name, value)
+        self._resource.inputs_changed()
 
     def unforce(self, name: str) -> None:
         """End a tag's force."""
         self._access.unforce(name)
+        self._resource.inputs_changed()
 
     @property
     def tags(self) -> TagTable:
@@ -98,7 +106,7 @@ class Plc:
         return self._cycle.t_ns
 
     def scan(self, n: int = 1) -> None:
-        """Execute releases, one by default: latch, scan what is due, publish; then time advances."""
+        """Execute releases, one by default: latch, scan what is due, publish; then time goes on."""
         for _ in range(n):
             self._cycle.lap()
 
@@ -147,7 +155,8 @@ class Plc:
                           safe_outputs=safe_outputs)
         twin._resource.become(self._resource)
         twin._exchange.become(self._exchange)
-        twin._cycle.t_ns = self._cycle.t_ns
+        twin._access.repeat(self._access)
+        twin._cycle.t_ns, twin._cycle.now_ns = self._cycle.t_ns, self._cycle.now_ns
         twin._cycle.scan_number = self._cycle.scan_number
         return twin
 
@@ -156,4 +165,5 @@ class Plc:
         """The recorded trace; raises `ValueError` unless the PLC was made with `record=True`."""
         if self._trace is None:
             raise ValueError("nothing is recorded; make the PLC with record=True")
+        self._trace.end_ns = self._cycle.end_ns
         return self._trace

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from fractions import Fraction
+import uuid
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import plcemu
-from hil.coupling import Coupling, points
-from plant_sim.contract import Plant
+from hil.coupling import Coupling, CouplingError, points
+from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
-from plcemu.base.errors import ConfigError, PlcemuError
-from plcemu.engine.resource import Resource
+from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
+from plcemu.base.tags import TagTable
+from plcemu.base.types import ELEMENTARY
+from plcemu.engine.resource import ENGINES, Resource
 from plcemu.io.exchange import Exchange
-from plcemu.ir.program import Task
+from plcemu.io.mapping import Point
+from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
-from plcemu.modbus import AddressMap, Identity, MapRange, ModbusTcpServer
+from plcemu.modbus import RUN_OBJECT, AddressMap, Identity, MapRange, ModbusTcpServer, ObjectType
+from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
-from plcemu.runtime.config import Config, InputSection, PlantSection
+from plcemu.runtime.config import Config, PointSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
@@ -48,52 +52,59 @@ class System:
         self.config = config
         program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
         self.warnings = list(program.warnings)
-        tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
-                 for name, t in config.tasks.items()]
-        try:
-            self.resource = Resource(program, config.cycle, config.engine, tasks or None,
-                                     config.safe_outputs)
-        except (PlcemuError, ValueError) as problem:
-            raise ConfigError([str(problem)]) from None
+        self.resource = _make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
-        self.plant: LocalPlant | None = None
-        if config.plant is not None and with_plant:
-            self.plant = LocalPlant(make_coupling(config.plant), self.exchange)
-        self.properties: list[Property] = [
-            p for path in config.property_paths for p in load_properties(path)]
-        if self.plant is None:
-            self.properties = [p for p in self.properties if not _speaks_of_plant(p)]
-        self.cycle = Cycle(self.resource, self.exchange, self.plant, self.properties)
+        self._map = make_map(config)
+        plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
+        self.plant = plant if with_plant else None
+        self.properties = _load_properties(config)
+        self.not_judged: list[str] = []
+        """Names of the properties that speak of a plant which is not in this process."""
+        if plant is not None and self.plant is None:
+            facts = TagTable(plant.tags)
+            self.not_judged = [p.name for p in self.properties if self._speaks_of(facts, p)]
+            self.properties = [p for p in self.properties if p.name not in self.not_judged]
+        try:
+            self.cycle = Cycle(self.resource, self.exchange, self.plant, self.properties)
+        except CompileError:
+            raise
+        except PlcemuError as problem:
+            raise ConfigError([str(problem)]) from None
+
+    def _speaks_of(self, facts: TagTable, entry: Property) -> bool:
+        """Whether a property names a fact of the plant, which is not known without the plant."""
+        known = self.resource.memory.tags
+        return any(ref.name in facts and ref.name not in known for ref in tag_refs(entry.formula))
 
     def server(self) -> ModbusTcpServer:
         """Return the configured Modbus server, not yet listening."""
         section = self.config.modbus
-        try:
-            address_map = make_map(self.config)
-        except ValueError as problem:
-            raise ConfigError([f"modbus.ranges: {problem}"]) from None
+        # Identification objects are ASCII of bounded length; a name need not be.
+        name = self.config.name.encode("ascii", "replace").decode()[:OBJECT_BYTES]
         identity = Identity(revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
-                            application_name=self.config.name)
+                            application_name=name, extended={RUN_OBJECT: uuid.uuid4().hex})
         return ModbusTcpServer(
-            self.exchange, address_map, identity, host=section.host, port=section.port,
+            self.exchange, self._map, identity, host=section.host, port=section.port,
             units=section.units, max_connections=section.max_connections,
             idle_timeout_s=section.idle_timeout / 1e9, budget=section.requests_per_scan)
 
     def report(self) -> dict[str, Any]:
-        """Return how things stand as plain values, with the keys of docs (interface of `simulate`)."""
+        """Return how things stand as plain values; the keys are those of `simulate --json`."""
         counters = self.cycle.counters
         document: dict[str, Any] = {
             "name": self.config.name,
             "state": self.resource.state.value,
-            "t_s": self.cycle.t_ns / 1e9,
+            "t_s": self.cycle.now_ns / 1e9,
             "scans": self.cycle.scan_number,
             "executed": counters.laps,
             "overruns": counters.overruns,
             "missed": counters.missed,
             "properties": [r.as_json() for r in self.cycle.suite.results()],
-            "tags": {tag.name: self.resource.memory.read(i)
-                     for i, tag in enumerate(self.resource.memory.tags)},
+            "tags": {tag.name: value for tag, value in
+                     zip(self.cycle.tags, self.cycle.values(), strict=True)},
         }
+        if self.not_judged:
+            document["not_judged"] = self.not_judged
         if self.resource.fault is not None:
             document["fault"] = str(self.resource.fault)
         if self.plant is not None:
@@ -101,58 +112,115 @@ class System:
         return document
 
 
+def _load_properties(config: Config) -> list[Property]:
+    try:
+        return [p for path in config.property_paths for p in load_properties(path)]
+    except OSError as problem:
+        raise config.mistake(("properties",), f"{problem.filename}: {problem.strerror}") from None
+
+
+def _make_resource(config: Config, program: Program) -> Resource:
+    """Return the resource with the configured tasks and safe outputs."""
+    tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
+             for name, t in config.tasks.items()]
+    if tasks:
+        _check_programs(config, program)
+    _check_safe_outputs(config, program)
+    try:
+        return Resource(program, config.cycle, config.engine, tasks or None, config.safe_outputs)
+    except (PlcemuError, ValueError) as problem:
+        key = "engine" if config.engine not in ENGINES else "tasks"
+        raise config.mistake((key,), problem) from None
+
+
+def _check_programs(config: Config, program: Program) -> None:
+    """Demand that each program is in exactly one task: else it never runs, or runs too often."""
+    placed = [name.casefold() for task in config.tasks.values() for name in task.programs]
+    for instance in program.instances:
+        tasks = placed.count(instance.name.casefold())
+        if tasks != 1:
+            raise config.mistake(("tasks",), f"found program {instance.name} in "
+                                 f"{tasks or 'no'} tasks, expected it in one")
+
+
+def _check_safe_outputs(config: Config, program: Program) -> None:
+    tags = TagTable(slot.tag for slot in program.layout.slots)
+    for name, value in config.safe_outputs.items():
+        path = ("safe_outputs", name)
+        try:
+            tag = tags[name]
+            ELEMENTARY[tag.type].pack(value)
+        except (UnknownNameError, ValueError) as problem:
+            raise config.mistake(path, problem) from None
+        if not tag.address.startswith("%Q"):
+            raise config.mistake(path, f"found a variable at {tag.address or 'no address'}, "
+                                 "expected an output (%Q)")
+
+
 def make_map(config: Config) -> AddressMap:
-    """Return the Modbus map of a configuration; raises ValueError for ranges that do not fit."""
+    """Return the Modbus map of a configuration.
+
+    Raises:
+        ConfigError: ranges do not fit.
+    """
     section = config.modbus
     if section.ranges is None:
         return AddressMap(field_window=section.field_window)
-    ranges = [MapRange(r.type, r.first, r.count, r.area.upper(), r.element,
-                       "rw" if r.access == "rw" else "r", r.field_window)
-              for r in section.ranges]
-    return AddressMap(ranges, field_window=section.field_window)
+    ranges = []
+    for n, r in enumerate(section.ranges):
+        try:
+            ranges.append(MapRange(ObjectType(r.type), r.first, r.count, r.area.upper(), r.element,
+                                   r.access, r.field_window))
+        except ValueError as problem:
+            raise config.mistake(("modbus", "ranges", str(n)), problem) from None
+    try:
+        return AddressMap(ranges, field_window=section.field_window)
+    except ValueError as problem:
+        raise config.mistake(("modbus", "ranges"), problem) from None
 
 
-def make_plant(section: PlantSection) -> Plant:
+def make_plant(config: Config) -> Plant:
     """Return the configured plant.
 
     Raises:
         ConfigError: there is no such plant or parameter, or a value does not fit.
     """
+    section = config.plant
+    if section is None:
+        raise config.mistake(("plant",), "is missing")
     try:
         return load(section.model, section.parameters)
     except PlantLoadError as problem:
-        raise ConfigError([f"plant.model: {problem}"]) from None
+        raise config.mistake(("plant", "model"), problem) from None
     except ParameterError as problem:
-        raise ConfigError([f"plant.parameters: {problem}"]) from None
+        raise config.mistake(("plant", "parameters", problem.name),
+                             f"found {problem.found!r}, expected {problem.expected}") from None
+    except Exception as problem:  # whatever a user's own class raises
+        raise config.mistake(("plant", "model"), f"cannot be made: {type(problem).__name__}: "
+                             f"{problem}") from problem
 
 
-def make_coupling(section: PlantSection, state: Mapping[str, Any] | None = None) -> Coupling:
-    """Return the configured plant with its wiring, perhaps in a state it had before.
+def make_coupling(config: Config) -> Coupling:
+    """Return the configured plant with its wiring.
 
     Raises:
-        ConfigError: the plant or its wiring does not exist, or the state is another plant's.
+        ConfigError: the plant or its wiring does not exist.
     """
-    plant = make_plant(section)
-    if state is not None:
-        try:
-            plant.restore(state)
-        except (ValueError, KeyError, TypeError) as problem:
-            raise ConfigError([f"the plant's saved state does not fit: {problem}; "
-                               "--fresh starts anew"]) from None
-    sensors = [p.name for p in plant.ports if p.direction == "sensor"]
-    actuators = [p.name for p in plant.ports if p.direction == "actuator"]
-    try:
-        inputs = points(_wiring(section.inputs), sensors, "inputs")
-        outputs = points(_wiring(section.outputs), actuators, "outputs")
-    except PlcemuError as problem:
-        raise ConfigError([str(problem)]) from None
+    plant = make_plant(config)
+    section = config.plant
+    assert section is not None
+    ports = plant.ports
+    inputs = _points(config, section.inputs, "inputs",
+                     [p for p in ports if p.direction == "sensor"])
+    outputs = _points(config, section.outputs, "outputs",
+                      [p for p in ports if p.direction == "actuator"])
     return Coupling(plant, inputs, outputs, section.time_scale)
 
 
-def _wiring(section: Mapping[str, InputSection]) -> dict[str, tuple[str, Fraction]]:
-    return {name: (point.address, point.scale) for name, point in section.items()}
-
-
-def _speaks_of_plant(entry: Property) -> bool:
-    """Whether a property names a fact of the plant, which is not known without the plant."""
-    return any(ref.name.casefold().startswith("plant.") for ref in tag_refs(entry.formula))
+def _points(config: Config, section: Mapping[str, PointSection], what: str,
+            ports: Sequence[Port]) -> list[Point]:
+    wiring = {name: (point.address, point.scale) for name, point in section.items()}
+    try:
+        return points(wiring, [port.name for port in ports])
+    except CouplingError as problem:
+        raise config.mistake(("plant", what, problem.name), problem) from None

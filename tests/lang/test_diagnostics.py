@@ -126,8 +126,9 @@ SFC_CASES = [
     (A + "TRANSITION (PRIO := 1) FROM A TO A := x; END_TRANSITION\n"
          "TRANSITION (PRIORITY := x) FROM A TO A := x; END_TRANSITION",
          ["4:13: P0010", "5:25: P0010"]),
-    ("INITIAL_STEP A: x(N);\nSTEP B: END_STEP\nTRANSITION FROM A TO B := x;\nTRANSITION FROM B TO A := x;"
-     " END_TRANSITION\nACTION c: x := y;\nACTION d: x := y; END_ACTION",
+    (A.replace(" END_STEP", "") + "STEP B: END_STEP\nTRANSITION FROM A TO B := x;\n"
+     "TRANSITION FROM B TO A := x; END_TRANSITION\nACTION c: x := y;\n"
+     "ACTION d: x := y; END_ACTION",
      ["4:1: P0010", "6:1: P0011", "8:1: P0011"]),
     (A.replace("END_", "END") + "TRANSITION FROM A TO A := x; ENDTRANSITION\n"
      "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION", ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
@@ -193,6 +194,8 @@ def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
     ("FUNCTION_BLOCK f VAR g : h; END_VAR END_FUNCTION_BLOCK\nFUNCTION_BLOCK h VAR g : f; END_VAR "
      "END_FUNCTION_BLOCK " + body("x : f;", "x();"), ["1:16: P0060"]),
     (body("x, y : BOOL;", "x := TRUE;"), ["2:4: P0070"]),
+    ("CONFIGURATION c\nTASK t(INTERVAL := T#1s); PROGRAM p : MAIN; END_CONFIGURATION "
+     + body("x : BOOL;", "x := TRUE;"), ["2:6: P0058"]),
     ("FUNCTION f : INT f := 5; END_FUNCTION\nTYPE t : (a, b); END_TYPE\n"
      "VAR_GLOBAL x : INT; END_VAR\n"
      + body("a : ARRAY[0..1] OF INT; s : STRING; x : BOOL;", "x := z;"),

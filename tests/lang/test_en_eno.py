@@ -28,7 +28,7 @@ def test_while_en_is_false_a_call_assigns_nothing_and_eno_is_false(text):
 @pytest.mark.parametrize("text", [
     "t(EN := c, part := 2, n => r, ENO => ok);",
     "t(EN := c, part := 2, ENO => ok); r := t.n + SEL(c, 9, 0);",
-    "CAL t(\nEN := c,\nby := 2,\nn => r,\nENO => ok\n)",
+    "CAL t(\nEN := c,\npart := 2,\nn => r,\nENO => ok\n)",
 ])
 def test_while_en_is_false_a_function_block_is_not_run(text):
     controller = Controller(main(VARIABLES + "t : count;", text) + COUNT).scan(3)
@@ -67,7 +67,7 @@ def test_a_pou_that_declares_en_and_eno_has_ordinary_variables():
     ("r := ADD(EN := a, IN1 := a, IN2 := b);", ["5:16: P0023"]),
     ("r := ADD(EN := c, IN1 := a, IN2 := b, ENO => 5);", ["5:46: P0024"]),
     ("r := ADD(EN := c, IN1 := a, IN2 := b, ENO => r);", ["5:39: P0023"]),
-    ("r := ADD(EN := c, EN := c, IN1 := a, IN2 := b);", ["5:18: P0026"]),
+    ("r := ADD(EN := c, EN := c, IN1 := a, IN2 := b);", ["5:19: P0026"]),
     ("r := ADD(c, a, b, ENO => ok);", ["5:6: P0023"]),
 ])
 def test_mistakes_at_en_and_eno_are_diagnosed(text, expected):

@@ -107,5 +107,5 @@ def test_a_variable_that_is_only_handed_on_counts_as_used():
     text = ("VAR_GLOBAL shared : INT; END_VAR\n" + POUS +
             "PROGRAM p VAR_EXTERNAL shared : INT; END_VAR VAR a, b : INT; f : ARRAY[1..4] OF INT; "
             "o AT %QX0.0 : BOOL; END_VAR swap(a, b); shared := largest(f); "
-            "divide(n := 5, rest => shared); o := divide(3); END_PROGRAM\n")
+            "divide(n := 5, rest => shared); o := divide(n := 3); END_PROGRAM\n")
     assert findings(text) == []

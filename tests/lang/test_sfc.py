@@ -26,7 +26,11 @@ def two_steps(a="", b=""):
 
 def counts(controller, line):
     """Return n after each scan of a line of `go`."""
-    return [(controller.diagram({"go": level}, []) and None) or controller["n"] for level in line]
+    found = []
+    for level in line:
+        controller.diagram({"go": level}, [])
+        found.append(controller["n"])
+    return found
 
 
 # ---------------------------------------------------------------- the first scan and evolution
