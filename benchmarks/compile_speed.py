@@ -1,8 +1,8 @@
 """Time from a program text to a ready PLC, at growing sizes: IL, ST and many small POUs.
 
-"Ready" is a `Plc` at its cold start, its engine built. The import of the package is not counted. The
-last column is the time a line at this size divided by the time a line at the smallest one: near 1
-means linear growth. Of several rounds the fastest counts, since other work on the machine only adds.
+"Ready" is a `Plc` at its cold start, its engine built. The import of the package is not counted.
+The last column is the time a line at this size divided by the time a line at the smallest one: near
+1 means linear growth. Of several rounds the fastest counts, since other work only adds.
 
     python benchmarks/compile_speed.py [--rounds N]
 """

@@ -1,8 +1,8 @@
 """Traces as value change dumps (IEEE 1800-2017, clause 21.7) by pyvcd: 1 ns, a scope for each dot.
 
-BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement, unsigned
-ones and bit strings are registers of their width, floats are reals, and texts are the strings
-that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
+BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement,
+unsigned ones and bit strings are registers of their width, floats are reals, and texts are the
+strings that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _TOP = "$root"
 """The scope of tags without a dot; the format knows no variable outside a scope."""
 
 _SECONDS = {"s": 0, "ms": -3, "us": -6, "ns": -9, "ps": -12, "fs": -15, "as": -18, "zs": -21}
-_ESCAPED = re.compile(r"\\(x[0-9a-fA-F]{2}|.)")
+_ESCAPED = re.compile(r"\\(x[0-9a-fA-F]{2}|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|.)")
 _ESCAPES = {"t": "\t", "n": "\n", "r": "\r"}
 
 
@@ -35,6 +35,16 @@ class _Exact(float):
 
     def __format__(self, spec: str) -> str:
         return repr(float(self))
+
+
+class _Ascii(str):
+    """A text that is written in ASCII, since the format is: other characters as escapes."""
+
+    __slots__ = ()
+
+    def translate(self, table: Any, /) -> str:
+        return "".join(c if c.isascii() else c.encode("unicode_escape").decode("ascii")
+                       for c in super().translate(table))
 
 
 def write(trace: Trace, file: TextIO) -> None:
@@ -58,6 +68,8 @@ def write(trace: Trace, file: TextIO) -> None:
 
 
 def _written(value: Value | None) -> Value | None:
+    if isinstance(value, str):
+        return _Ascii(value)
     return _Exact(value) if isinstance(value, float) else value
 
 
@@ -196,7 +208,7 @@ def _reading(var: VarDecl) -> tuple[str, Callable[[Any], Value | None]]:
 
 def _unescaped(match: re.Match[str]) -> str:
     code = match[1]
-    return chr(int(code[1:], 16)) if len(code) == 3 else _ESCAPES.get(code, code)
+    return chr(int(code[1:], 16)) if len(code) > 1 else _ESCAPES.get(code, code)
 
 
 _ACTIONS: dict[TokenKind, Callable[[_Reader, Any], None]] = {

@@ -43,8 +43,8 @@ ENGINES = ("auto", "interpreter")
 class _TaskState:
     """A task as it runs: its instances' code, and whether its last scan changed nothing.
 
-    A task with an event and an interval has two of these: one that looks for the event, and one that
-    is periodic while the trigger is FALSE.
+    A task with an event and an interval has two of these: one that looks for the event, and one
+    that is periodic while the trigger is FALSE.
     """
 
     task: Task

@@ -139,8 +139,9 @@ class Task:
     """A task; lower priority numbers run first.
 
     Without an event it is released at phase + k · interval; an interval of 0 means the resource's
-    own cycle. An event is looked for at phase + k · the resource's cycle, and its rising edge releases
-    the task once; with an interval besides, the task is also periodic while the trigger is FALSE.
+    own cycle. An event is looked for at phase + k · the resource's cycle, and its rising edge
+    releases the task once; with an interval besides, the task is also periodic while the trigger is
+    FALSE.
     """
 
     name: str

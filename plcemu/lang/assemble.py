@@ -92,7 +92,8 @@ def _variable_slots(block: BlockType, name: str, base: int) -> list[Slot]:
     return slots
 
 
-def _leaves(block: Type, name: str, base: int) -> Iterable[tuple[str, int, ElementaryType | StringType]]:
+def _leaves(block: Type, name: str,
+            base: int) -> Iterable[tuple[str, int, ElementaryType | StringType]]:
     for leaf, offset, of in leaves(block, name, base):
         yield leaf.removeprefix("."), offset, of
 

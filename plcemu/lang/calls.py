@@ -40,7 +40,8 @@ class Calls:
             return None
         if block is not None:
             self._match(call, block)
-            return root(block.fields[block.name.upper()].type)
+            result = block.fields.get(block.name.upper())
+            return root(result.type) if result is not None else None
         row = functions.find(call.name)
         if row is None:
             self._unknown(call)
@@ -57,7 +58,8 @@ class Calls:
         return row.infer(self._ex, call, arguments)
 
     def _unknown(self, call: s.Call) -> None:
-        known = [*functions.NAMES, *self._ex.out.functions.names]
+        known = [*functions.NAMES, *self._ex.out.functions.names,
+                 *functions.near_conversions(call.name.upper())]
         self._ex.report.error("P0020", call.span, f"there is no function {call.name!r}",
                               did_you_mean(call.name, known).removeprefix("; "))
 
@@ -135,7 +137,8 @@ class Calls:
     def _emit_user(self, call: s.Call, block: BlockType) -> bool:
         out, frame = self._ex.out, self._ex.out.functions.frame(block.name)
         matched = self._match(call, block)
-        good = all([self._push(field, argument) for field, argument in matched])
+        pushed = [self._push(field, argument) for field, argument in matched]
+        good = all(pushed)
         for field, argument in reversed(matched):
             out.store(Place("memory", frame + field.offset, field.type), field.type, argument.span)
         self._defaults(block, frame, {field.name for field, _ in matched}, call)

@@ -136,7 +136,7 @@ def warn_of_tasks(tasks: Sequence[Task], programs: Mapping[str, str], scopes: Se
                   shared: Scope, functions: Mapping[str, Function], report: Report) -> None:
     """Warn of global variables that programs of two tasks write.
 
-    `programs` has the name of its PROGRAM for every program instance.
+    `programs` has the function that runs it for every program instance.
     """
     written = {scope.pou.name.upper(): scope.written for scope in scopes}
     writers: dict[tuple[str, int], list[str]] = {}

@@ -8,26 +8,26 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
-from plcemu.base.collector import paused_collector
 from plcemu.base.areas import Address
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic, Source, Span
 from plcemu.ir.check import check_function
 from plcemu.ir.program import Function, Instance, Program
 from plcemu.lang import syntax as s
-from plcemu.lang.checks import reachable, report_recursion, warn, warn_of_tasks
 from plcemu.lang.assemble import assemble
+from plcemu.lang.checks import reachable, report_recursion, warn, warn_of_tasks
 from plcemu.lang.connections import connected
 from plcemu.lang.declarations import function_names, parse
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.frames import Functions
+from plcemu.lang.image import Image, addresses_in
 from plcemu.lang.lexer import tokenize
 from plcemu.lang.lower_il import InstructionList
 from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.planning import Planned, Planner
 from plcemu.lang.report import Report
-from plcemu.lang.image import Image, addresses_in
 from plcemu.lang.scope import Declarations, Scope
 from plcemu.lang.types import BOOL, Place
 
@@ -74,18 +74,19 @@ def compile_program(source: str | Path | Iterable[str | Path], *,
     plan = _plan(declarations, scopes, instances, image)
     functions = _lower_all(declarations, image, plan, report)
     outer = _connect(units, instances, declarations, image, plan, report)
-    functions.update((function.name, function) for function in outer.values())
+    functions.update((function.name, function) for function, _ in outer.values())
     report_recursion(functions, scopes, report)
     report.stop_on_errors()
-    warn(scopes, declarations.globals, report)
-    warn_of_tasks(tasks, {i.name: i.scope.pou.name for i in instances}, scopes,
-                  declarations.globals, functions, report)
+    placed = tuple(Instance(each.name, outer[each.name][0].name if each.name in outer
+                            else each.scope.pou.name.upper(), base)
+                   for each, base in zip(instances, plan.bases, strict=True))
+    writers = [*scopes, *(scope for _, scope in outer.values())]
+    warn(writers, declarations.globals, report)
+    warn_of_tasks(tasks, {i.name: i.function for i in placed}, writers, declarations.globals,
+                  functions, report)
     for function in functions.values():
         check_function(function, functions)
     layout = assemble(declarations, instances, image, plan, addresses)
-    placed = tuple(Instance(each.name, outer[each.name].name if each.name in outer
-                            else each.scope.pou.name.upper(), base)
-                   for each, base in zip(instances, plan.bases, strict=True))
     used = reachable(functions, [i.function for i in placed])
     return Program({n: f for n, f in functions.items() if n in used}, layout, placed, tasks,
                    report.sorted())
@@ -110,14 +111,14 @@ def _declare(units: list[s.Unit], library: s.Unit, addresses: list[Address],
     return image, declarations, scopes
 
 
-def _connect(units: list[s.Unit], instances: list[Planned], declarations: Declarations, image: Image,
-             plan: Functions, report: Report) -> dict[str, Function]:
-    """Return the functions that run instances between their connections, by instance."""
+def _connect(units: list[s.Unit], instances: list[Planned], declarations: Declarations,
+             image: Image, plan: Functions, report: Report) -> dict[str, tuple[Function, Scope]]:
+    """Return what runs instances between their connections, by instance."""
     resources = {name.upper() for unit in units for c in unit.configurations
                  for name in (c.name, *c.resource_names)}
     made = {each.name: connected(each, resources, declarations.globals, image.offset, plan, report)
             for each in instances}
-    return {name: function for name, function in made.items() if function is not None}
+    return {name: each for name, each in made.items() if each is not None}
 
 
 def _plan(declarations: Declarations, scopes: list[Scope], instances: list[Planned],
@@ -251,7 +252,7 @@ class _PouLowering:
         return out
 
     def _begin_temporaries(self, out: Emitter) -> None:
-        """Give the VAR_TEMP arrays, structures and strings, which stand in the instance, their values."""
+        """Give VAR_TEMP arrays, structures and strings, which stand in the instance, values."""
         for field in self._scope.type.fields.values():
             if field.section == "VAR_TEMP":
                 out.initialise(Place("this", field.offset, field.type), field, self._scope.pou.span)

@@ -38,16 +38,18 @@ def parse_configuration(cursor: Cursor) -> tuple[s.Configuration, list[s.Variabl
         elif cursor.at("PROGRAM"):
             programs.append(_program(cursor, resource))
         else:
-            raise cursor.failure("RESOURCE, TASK, PROGRAM, VAR_GLOBAL or END_CONFIGURATION", "P0011")
+            raise cursor.failure("RESOURCE, TASK, PROGRAM, VAR_GLOBAL or END_CONFIGURATION",
+                                 "P0011")
     cursor.advance()
     cursor.accept(";")
-    return s.Configuration(name.span, name.text, tuple(tasks), tuple(programs),
-                           tuple(r.span for r in resources), tuple(r.text for r in resources)), found
+    made = s.Configuration(name.span, name.text, tuple(tasks), tuple(programs),
+                           tuple(r.span for r in resources), tuple(r.text for r in resources))
+    return made, found
 
 
 def _skip_instance_values(cursor: Cursor) -> None:
-    cursor.report.error("P0090", cursor.token.span, "VAR_CONFIG is not supported yet; write addresses "
-                        "and initial values where the variables are declared")
+    cursor.report.error("P0090", cursor.token.span, "VAR_CONFIG is not supported yet; write "
+                        "addresses and initial values where the variables are declared")
     cursor.skip_to("END_VAR", over=("END_VAR",))
     cursor.accept(";")
 
@@ -78,12 +80,12 @@ def _program(cursor: Cursor, resource: str) -> s.ProgramInstance:
     of = cursor.identifier("a PROGRAM")
     connections = _connections(cursor) if cursor.accept("(") else []
     cursor.expect(";", "after the program instance")
-    return s.ProgramInstance(name.span, name.text, task, of.text, of.span, tuple(connections), resource,
-                             retain)
+    return s.ProgramInstance(name.span, name.text, task, of.text, of.span,
+                             tuple(connections), resource, retain)
 
 
 def _connections(cursor: Cursor) -> list[s.Connection]:
-    """Parse what stands in the parentheses of a program instance (prog_conf_elements of annex B.1.7)."""
+    """Parse what stands in a program instance's parentheses (prog_conf_elements, annex B.1.7)."""
     found: list[s.Connection] = []
     while not cursor.at(")"):
         name = cursor.identifier("an input, an output or a function block instance")

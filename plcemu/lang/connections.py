@@ -1,8 +1,9 @@
-"""Connections of program instances with global variables and addresses (IEC 61131-3, 2.7.1, table 49)."""
+"""Connections of program instances with global variables and addresses (IEC 61131-3, 2.7.1)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from plcemu.base.areas import Address
 from plcemu.base.errors import did_you_mean
@@ -20,18 +21,21 @@ _SECTIONS = {False: "VAR_INPUT", True: "VAR_OUTPUT"}
 
 
 def connected(planned: Planned, resources: set[str], globals_: Scope,
-              offset: Callable[[Address], int], plan: Functions, report: Report) -> Function | None:
-    """Return the function that runs an instance between its connections; None if it has none.
+              offset: Callable[[Address], int], plan: Functions,
+              report: Report) -> tuple[Function, Scope] | None:
+    """Return what runs an instance between its connections; None if it has none.
 
-    Inputs take their values before the program runs, outputs go on after it.
+    Inputs take their values before the program runs, outputs go on after it. The scope knows
+    what the connections write.
     """
     declaration = planned.declaration
     if declaration is None or not declaration.connections:
         return None
-    pou = planned.scope.pou
+    program = planned.scope.pou.name.upper()
+    pou = replace(planned.scope.pou, name=f"{planned.name}:{program}")
     own = {f"__OWN_{key}": place for key, place in planned.scope.places.items()}
     scope = Scope(pou, planned.scope.type, planned.scope.members, globals_, own)
-    out = Emitter(scope, offset, report, f"{planned.name}:{pou.name}".upper(), "", plan)
+    out = Emitter(scope, offset, report, pou.name.upper(), "", plan)
     statements = Statements(out)
     before, after = [], []
     for each in declaration.connections:
@@ -45,10 +49,10 @@ def connected(planned: Planned, resources: set[str], globals_: Scope,
                 after.append(s.Assign(each.name_span, other, own_name))
             else:
                 report.error("P0024", other.span, "an output goes into a variable")
-    run = s.RunAction(declaration.span, pou.name.upper())
+    run = s.RunAction(declaration.span, program)
     statements.lower((*before, run, *after))
     out.emit("ret", None, declaration.span)
-    return out.function()
+    return out.function(), scope
 
 
 def _is_known(connection: s.Connection, scope: Scope, report: Report) -> bool:
@@ -59,6 +63,7 @@ def _is_known(connection: s.Connection, scope: Scope, report: Report) -> bool:
         return True
     known = [f.name for f in scope.type.fields.values() if f.section == section]
     what = "output" if connection.is_output else "input"
-    report.error("P0026", connection.name_span, f"{scope.pou.name} has no {what} {connection.name!r}",
+    report.error("P0026", connection.name_span,
+                 f"{scope.pou.name} has no {what} {connection.name!r}",
                  did_you_mean(connection.name, known).removeprefix("; "))
     return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from plcemu.base.spans import Span
@@ -63,7 +64,9 @@ def _fold_chain(expr: s.Expr, lookup: Lookup) -> Value:
 def _unary(expr: s.Unary, value: Value) -> Value:
     if isinstance(value, str):
         raise NotConstant(expr.span)
-    return (not value) if expr.op == "NOT" else -value
+    if expr.op == "NOT" and not isinstance(value, float):
+        return not value if isinstance(value, bool) else ~value
+    return -value
 
 
 _OPERATORS: dict[str, Callable[..., Value]] = {
@@ -96,8 +99,13 @@ def constant_value(expr: s.Expr, of: ElementaryType | StringType, report: Report
         return None
     try:
         value = fold(expr, lookup)
+        if _inverts(expr) and isinstance(value, int) and isinstance(of, ElementaryType) \
+                and of.kind in ("bool", "bits"):
+            value &= (1 << of.bits) - 1
         if of.kind == "bool" and isinstance(value, int):
             value = bool(value)
+        if of.kind == "time" and isinstance(value, float) and math.isfinite(value):
+            value = round(value)
         return of.unpack(of.pack(value))
     except NotConstant as problem:
         report.error("P0027", problem.span, problem.reason)
@@ -106,9 +114,27 @@ def constant_value(expr: s.Expr, of: ElementaryType | StringType, report: Report
     return None
 
 
+def _inverts(expr: s.Expr) -> bool:
+    """Whether NOT stands in a constant expression, so that it has as many bits as its type."""
+    pending: list[s.Expr] = [expr]
+    while pending:
+        each = pending.pop()
+        if isinstance(each, s.Unary):
+            if each.op == "NOT":
+                return True
+            pending.append(each.operand)
+        elif isinstance(each, s.Binary):
+            pending += [each.left, each.right]
+    return False
+
+
 _LITERAL_KINDS: Mapping[str, tuple[str, ...]] = {
     "int": ("int", "uint", "bits", "float", "bool"), "real": ("float",), "time": ("time",),
     "bool": ("bool",), "string": ("string",), "date": ("date",), "tod": ("tod",), "dt": ("dt",)}
+
+
+_FACTOR = ELEMENTARY["LREAL"]
+"""What a TIME may be multiplied with."""
 
 
 def _fits(expr: s.Expr, of: Type, report: Report, lookup: Lookup) -> bool:
@@ -121,12 +147,24 @@ def _fits(expr: s.Expr, of: Type, report: Report, lookup: Lookup) -> bool:
         elif isinstance(each, s.Binary):
             if each.op in ("EQ", "NE", "LT", "LE", "GT", "GE"):
                 continue
-            pending += [each.right, each.left]
+            scales = of.kind == "time" and each.op in ("MUL", "DIV")
+            if scales and not _fits(each.right, _FACTOR, report, lookup):
+                return False
+            pending += [each.left] if scales else [each.right, each.left]
         elif isinstance(each, s.Name | s.Literal) and not _leaf_fits(each, of, lookup):
             what = "this literal" if isinstance(each, s.Literal) else str(each)
-            report.error("P0023", each.span, f"{what} is no value of type {of.name}")
+            report.error("P0023", each.span, f"{what} is no value of type {of.name}",
+                         _prefix_hint(each, of))
             return False
     return True
+
+
+def _prefix_hint(leaf: s.Name | s.Literal, of: Type) -> str:
+    """Return how to write a name that several enumerations have (table 14, typed values)."""
+    if not isinstance(leaf, s.Name) or not isinstance(of, EnumType):
+        return ""
+    names = [name for name, _ in of.members if name.upper() == str(leaf).upper()]
+    return f"write {of.name}#{names[0]}: another enumeration has this name too" if names else ""
 
 
 def _leaf_fits(leaf: s.Name | s.Literal, of: Type, lookup: Lookup) -> bool:

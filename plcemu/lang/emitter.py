@@ -81,8 +81,9 @@ class Emitter:
         return place
 
     def name_local(self, name: str, number: int, of: Type) -> None:
-        """Give a name, which no user's variable can have, to a local variable."""
-        self._names[name.upper()] = Place("local", number, of, name)
+        """Give a name, which no user's variable can have, to a value in a local variable."""
+        self._names[name.upper()] = Place("local", number, of, "the current result",
+                                          "it is a value")
 
     def function(self) -> Function:
         """Return the finished function."""
@@ -96,7 +97,11 @@ class Emitter:
         if isinstance(node, s.Direct):
             return self._direct(node)
         key = node.head.upper()
-        place = self._names.get(key) or self.scope.find(key)
+        place = self._names.get(key)
+        if place is None:
+            place = self.scope.find(key)
+        else:
+            self.scope.unused.pop(key, None)
         if place is None:
             self._unknown(node)
             return None
@@ -172,7 +177,7 @@ class Emitter:
 
     def _unknown(self, node: s.Name) -> None:
         places = [*self.scope.places.values(), *self._names.values()]
-        known = [p.name for p in places if not p.name.startswith("__")]
+        known = [p.name for p in places if not p.name.startswith("__") and " " not in p.name]
         hint = did_you_mean(node.head, known).removeprefix("; ")
         self.report.error("P0020", node.span, f"{node.head!r} is not declared", hint)
 

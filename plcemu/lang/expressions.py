@@ -14,6 +14,7 @@ from plcemu.lang.emitter import Emitter
 from plcemu.lang.operators import (
     COMPARISON,
     KINDS,
+    LOGIC,
     NUMERIC,
     apply_operator,
     operand_type,
@@ -37,6 +38,10 @@ from plcemu.lang.types import (
     root,
     widens,
 )
+
+_CALL_KINDS = {**dict.fromkeys(LOGIC, ("bool", "bits")),
+               **dict.fromkeys(("SEL", "MUX", "MAX", "MIN", "LIMIT", "MOVE"), (*NUMERIC, "bits"))}
+"""The kinds of types that a call with nothing but literals may take from around it."""
 
 
 class Expressions:
@@ -82,7 +87,7 @@ class Expressions:
         right = self.infer(expr.right)
         if left is None or right is None:
             return None
-        of = operand_type(expr.op, left, right)
+        of = _operands(expr.op, left, right)
         if of is None:
             self._out.report.error("P0023", expr.span,
                                    f"{expr.op} does not fit {left.name} and {right.name}",
@@ -92,6 +97,8 @@ class Expressions:
 
     def _infer_unary(self, expr: s.Unary) -> Type | None:
         of = self.infer(expr.operand)
+        if of is INT_LITERAL and expr.op == "NOT":
+            return of  # its bits are those of the type around it
         return of if of is not None and self._fits(expr, of) else None
 
     def _fits(self, expr: s.Unary | s.Binary, of: Type) -> bool:
@@ -151,7 +158,7 @@ class Expressions:
         of, left, right = self.infer(expr), self.infer(expr.left), self.infer(expr.right)
         if of is None or left is None or right is None:
             return None
-        common = operand_type(expr.op, left, right)
+        common = _operands(expr.op, left, right)
         if of.kind == "literal" and not isinstance(target, ElementaryType):
             self._widens(expr, of, target)
             return None
@@ -167,6 +174,8 @@ class Expressions:
 
     def _takes_literal(self, expr: s.Binary, left: Type, right: Type,
                        target: Type) -> bool:
+        if expr.op in LOGIC:
+            return self._fits(expr, target)
         if target.kind != "float" and REAL_LITERAL in (left, right):
             return self._widens(expr, REAL_LITERAL, target)
         return self._widens(expr, INT_LITERAL, target) if target.kind not in NUMERIC \
@@ -186,7 +195,8 @@ class Expressions:
         if _is_constant(expr) or (isinstance(expr, s.Name) and self._member(expr) is not None):
             return self._emit_constant(expr, of, target)
         if of.kind == "literal" and isinstance(expr, s.Call):
-            of = target if target.kind in NUMERIC else default_type(expr, of)
+            takes = _CALL_KINDS.get(expr.name.upper(), NUMERIC)
+            of = target if target.kind in takes else default_type(expr, of)
             if not self._widens(expr, of, target):
                 return False
         elif of.kind == "literal":
@@ -316,6 +326,13 @@ class Expressions:
         """Convert the value on the stack."""
         if source.machine != target.machine:
             self._out.emit(f"to.{source.machine}.{target.machine}", None, span)
+
+
+def _operands(op: str, left: Type, right: Type) -> Type | None:
+    """Return the type in which an operator works; on bits of literals it is the one around it."""
+    if op in LOGIC and left is INT_LITERAL and right is INT_LITERAL:
+        return INT_LITERAL
+    return operand_type(op, left, right)
 
 
 def default_type(expr: s.Expr, of: Type) -> Type:

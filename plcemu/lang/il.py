@@ -328,7 +328,7 @@ def _with_operands(cursor: Cursor, head: s.Instruction, name: str,
 
 
 def _argument(cursor: Cursor) -> s.Expr:
-    """Parse an argument's value: instructions in parentheses, which begin with LD, or an operand."""
+    """Parse an argument's value: instructions in parentheses that begin with LD, or an operand."""
     if not (cursor.at("(") and cursor.peek().upper in ("LD", "LDN")
             and cursor.peek(2).kind not in ("op", "end")):
         return parse_expression(cursor)

@@ -48,7 +48,7 @@ class Image:
         """Return where so many elements stand; if they are not in one extent they are `missing`."""
         for extent in self.extents:
             first = address.index - extent.first
-            if extent.area == address.area and 0 <= first and first + count <= extent.count:
+            if extent.area == address.area and first >= 0 and first + count <= extent.count:
                 return extent.offset + first * SIZES[address.area[1]]
         self.missing += [Address(address.area, address.index + n) for n in range(count)]
         return 0

@@ -1,7 +1,8 @@
-"""Located variables: how many elements of an image area a type takes (IEC 61131-3, 2.4.1.1 and 2.4.3.1).
+"""Located variables: which elements of an image area a type takes (IEC 61131-3, 2.4.1.1, 2.4.3.1).
 
-An array, structure or string with an address takes contiguous elements from it on, with the bytes that
-it has in memory: fields stand at their alignment, and a string begins with its length in 16 bits.
+An array, structure or string with an address takes contiguous elements from it on, with the bytes
+that it has in memory: fields stand at their alignment, and a string begins with its length in 16
+bits.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def is_inside(of: Type, address: Address) -> bool:
 
 
 def leaf_address(first: Address, distance: int, of: ElementaryType | StringType) -> str:
-    """Return the address of a single value, `distance` bytes after the first; empty if it has none."""
+    """Return the address of a value, `distance` bytes after the first; empty if it has none."""
     width = SIZES[first.area[1]]
     if not isinstance(of, ElementaryType) or of.bits != element_bits(first) or distance % width:
         return ""
@@ -57,7 +58,7 @@ def _unit(of: Type) -> Type:
 
 
 def _large_misfit(of: Type, is_bits: bool) -> str:
-    """Return why a structure or string cannot stand in an area: bits are elements of X areas only."""
+    """Return why a structure or string cannot stand in an area: bits are in X areas only."""
     found = _has_bool(of)
     if is_bits and found != {True}:
         return f"an area of bits holds BOOL values only, {of.name} has others"

@@ -86,8 +86,8 @@ class Chart:
         condition = transition.condition
         if condition is None:
             if transition.name.upper() not in named:
-                self._report.error("P0020", transition.span, f"transition {transition.name!r} has no "
-                                   "condition, and none of this name is declared",
+                self._report.error("P0020", transition.span, f"transition {transition.name!r} has "
+                                   "no condition, and none of this name is declared",
                                    did_you_mean(transition.name, list(named)).removeprefix("; "))
             return named.get(transition.name.upper())
         if not isinstance(condition, s.Name) or len(condition.parts) != 1 \
@@ -152,19 +152,19 @@ class Chart:
                 self._report.warning("P0055", step.span, f"nothing reaches step {step.name!r}")
 
     def _explore(self, body: s.SfcBody) -> None:
-        """Warn of what the net of the chart, without times and conditions, cannot do or should not."""
+        """Warn of what the chart's net, without times and conditions, cannot do or should not."""
         found = Net(body).explore()
         if found.unsafe is not None:
             number, step = found.unsafe
-            self._report.warning("P0056", body.transitions[number].span, f"this transition may activate "
-                                 f"step {step} while it is active", "it stays active once")
+            self._report.warning("P0056", body.transitions[number].span, "this transition may "
+                                 f"activate step {step} while it is active", "it stays active once")
         for number in found.dead:
             sources = ", ".join(name.head for name in body.transitions[number].sources)
-            self._report.warning("P0057", body.transitions[number].span, "this transition never fires: "
-                                 f"steps {sources} are never active together")
+            self._report.warning("P0057", body.transitions[number].span, "this transition never "
+                                 f"fires: steps {sources} are never active together")
 
     def _check_indicators(self, body: s.SfcBody) -> None:
-        """See that the indicators of action blocks are BOOL variables; the chart does not set them."""
+        """See that indicators of action blocks are BOOL variables; the chart does not set them."""
         for step in body.steps:
             for each in step.associations:
                 for indicator in each.indicators:
@@ -206,15 +206,17 @@ class Chart:
         return [*statements, s.Assign(use.span, variable, active)]
 
     def _run(self, use: _ActionUse, body: str, active: s.Expr) -> list[s.Statement]:
-        """Return what runs an action's body: while it is active and, with the final scan, once more."""
+        """Return what runs an action's body: while active and, with the final scan, once more."""
         span, run = use.span, s.RunAction(use.span, body)
         if was_active(use.name) not in self._scope.places:
             return [s.If(span, ((active, (run,)),))]
         # The pulses P1 and P0 run it without a final scan of their own (figures 14 and 15).
         now, was = f"__now_{use.name.upper()}", _name(span, was_active(use.name))
         self._out.declare_local(now, BOOL)
-        pulses = _any([_pulse(step, a) for step, a in use.uses if a.qualifier in ("P1", "P0")], span)
-        resets = _any([_name(span, step.name, "X") for step, a in use.uses if a.qualifier == "R"], span)
+        pulses = _any([_pulse(step, a) for step, a in use.uses
+                       if a.qualifier in ("P1", "P0")], span)
+        resets = _any([_name(span, step.name, "X") for step, a in use.uses
+                       if a.qualifier == "R"], span)
         runs = _any([_name(span, now), was,
                      _all([pulses, s.Unary(span, "NOT", resets)], span)], span)
         return [s.Assign(span, _name(span, now), active), s.If(span, ((runs, (run,)),)),

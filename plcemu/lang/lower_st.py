@@ -11,11 +11,12 @@ from plcemu.base.spans import Span
 from plcemu.base.types import ElementaryType
 from plcemu.lang import functions
 from plcemu.lang import syntax as s
+from plcemu.lang.constants import constant_value
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.expressions import Expressions
-from plcemu.lang.constants import constant_value
 from plcemu.lang.gates import Gate, gated, split
-from plcemu.lang.types import BOOL, BlockType, Place, Type, root
+from plcemu.lang.splits import split_assignments
+from plcemu.lang.types import BOOL, BlockType, Place, SubrangeType, Type, root
 
 
 class Statements:
@@ -30,7 +31,7 @@ class Statements:
         self.out = emitter
         self._of_chart = of_chart
         self.expressions = Expressions(emitter)
-        self._exits: list[int] = []
+        self._exits: list[tuple[int, int]] = []
 
     def lower(self, statements: tuple[s.Statement, ...]) -> None:
         """Append the code of statements."""
@@ -61,7 +62,8 @@ class Statements:
         if target is None:
             self.expressions.infer(statement.value)
             return
-        if self.expressions.emit(statement.value, target[1]):
+        narrow = target[0].type if isinstance(target[0].type, SubrangeType) else target[1]
+        if self.expressions.emit(statement.value, narrow):
             self.out.store(target[0], target[1], statement.span)
 
     def writable(self, node: s.Name | s.Direct) -> tuple[Place, Type] | None:
@@ -104,8 +106,13 @@ class Statements:
                     and functions.find(name.head) is None):
             return False
         gate, value = self.ungated(s.Call(call.span, name.head, call.arguments))
+        parts = None if self.out.functions.block(name.head) is not None \
+            else split_assignments(value, self.out.report)
         with gated(self, gate):
-            if self.expressions.emit_natural(value) is not None:
+            if parts is not None:
+                for part in parts:
+                    self.assign(part)
+            elif self.expressions.emit_natural(value) is not None:
                 self.out.emit("drop", None, call.span)
         return True
 
@@ -281,16 +288,19 @@ class Statements:
         self.out.emit("label", leave)
 
     def _loop(self, body: tuple[s.Statement, ...], leave: int) -> None:
-        self._exits.append(leave)
+        following = self.out.new_label()
+        self._exits.append((leave, following))
         self.lower(body)
         self._exits.pop()
+        self.out.emit("label", following)
 
     def exit(self, statement: s.Exit) -> None:
-        """EXIT."""
+        """EXIT and CONTINUE."""
         if not self._exits:
-            self.out.report.error("P0010", statement.span, "EXIT stands outside of any loop")
+            name = "CONTINUE" if statement.goes_on else "EXIT"
+            self.out.report.error("P0010", statement.span, f"{name} stands outside of any loop")
             return
-        self._leave("jump", self._exits[-1], statement.span)
+        self._leave("jump", self._exits[-1][statement.goes_on], statement.span)
 
     def return_(self, statement: s.Return) -> None:
         """RETURN."""
@@ -303,7 +313,7 @@ class Statements:
 
 def _with_outputs(arguments: tuple[s.Argument, ...],
                   block: BlockType) -> tuple[s.Argument, ...]:
-    """Give the outputs in an informal list, which stand behind the inputs, their names (table 53)."""
+    """Give the outputs in an informal list, which stand behind the inputs, names (table 53)."""
     fields = [f for f in block.fields.values()
               if f.section in ("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT")]
     inputs = sum(f.section != "VAR_OUTPUT" for f in fields)

@@ -26,7 +26,7 @@ NUMERIC = ("int", "uint", "float", "literal")
 KINDS = {"ADD": (*NUMERIC, "time"), "SUB": (*NUMERIC, "time"), "MUL": NUMERIC,
          "DIV": NUMERIC, "MOD": ("int", "uint", "literal"),
          "NEG": ("int", "float", "time", "literal"),
-         **dict.fromkeys((*LOGIC, "NOT"), ("bool", "bits"))}
+         **dict.fromkeys(LOGIC, ("bool", "bits")), "NOT": ("bool", "bits", "literal")}
 """The kinds of types that an operator works on; the comparisons take all."""
 
 _DATES = ("date", "tod", "dt")

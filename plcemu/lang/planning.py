@@ -63,23 +63,24 @@ class Planner:
 
     def _note_several(self) -> None:
         for second in self._configurations[1:]:
-            self._report.error("P0090", second.span, "several configurations are not supported yet; "
-                               "give each a text of its own")
+            self._report.error("P0090", second.span, "several configurations are not supported "
+                               "yet; give each a text of its own")
         for configuration in self._configurations:
             for span in configuration.resources[1:]:
-                self._report.warning("P0090", span, "several resources are not supported yet: all tasks "
-                                     "run in one, by their priorities")
+                self._report.warning("P0090", span, "several resources are not supported yet: all "
+                                     "tasks run in one, by their priorities")
 
     def _instances(self, declared: list[s.ProgramInstance],
                    ) -> tuple[list[Planned], dict[tuple[str, str], list[str]]]:
-        known = {key for c in self._configurations for t in c.tasks for key in [_key(t.resource, t.name)]}
+        known = {_key(t.resource, t.name) for c in self._configurations for t in c.tasks}
         instances: dict[str, Planned] = {}
         by_task: dict[tuple[str, str], list[str]] = {}
         for each in declared:
             scope = self._programs.get(each.type.upper())
             if scope is None:
                 hint = did_you_mean(each.type, list(self._programs)).removeprefix("; ")
-                self._report.error("P0022", each.type_span, f"there is no PROGRAM {each.type!r}", hint)
+                self._report.error("P0022", each.type_span, f"there is no PROGRAM {each.type!r}",
+                                   hint)
                 continue
             if each.name.upper() in instances:
                 self._report.error("P0021", each.span, f"{each.name!r} is declared twice")
@@ -106,7 +107,8 @@ class Planner:
                 seen.add(key)
                 programs = tuple(by_task.pop(key, ()))
                 if not programs:
-                    self._report.warning("P0058", task.span, f"no program runs in TASK {task.name!r}")
+                    self._report.warning("P0058", task.span,
+                                         f"no program runs in TASK {task.name!r}")
                 tasks.append(self._task(task, programs))
         left = by_task.pop(("", ""), [])
         if left:
@@ -122,9 +124,10 @@ class Planner:
             elif key in ("INTERVAL", "PRIORITY"):
                 settings[key] = self._setting(key, expr, span)
             else:
-                self._report.error("P0010", span, f"a TASK has INTERVAL, PRIORITY and SINGLE, not {key}")
-        return Task(task.name, settings.get("INTERVAL", 0), settings.get("PRIORITY", 0), 0, programs,
-                    event)
+                self._report.error("P0010", span,
+                                   f"a TASK has INTERVAL, PRIORITY and SINGLE, not {key}")
+        return Task(task.name, settings.get("INTERVAL", 0), settings.get("PRIORITY", 0), 0,
+                    programs, event)
 
     def _setting(self, key: str, expr: s.Expr, span: Span) -> int:
         try:
@@ -132,10 +135,9 @@ class Planner:
         except NotConstant as problem:
             self._report.error("P0027", problem.span, problem.reason)
             return 0
-        is_time = isinstance(expr, s.Literal) and expr.kind == "time"
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0 \
-                or is_time and key == "PRIORITY" or isinstance(expr, s.Literal) and not is_time \
-                and key == "INTERVAL":
+        of_the_other_kind = isinstance(expr, s.Literal) \
+            and (expr.kind == "time") != (key == "INTERVAL")
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0 or of_the_other_kind:
             self._report.error("P0025", span, "an interval is a duration and a priority a number, "
                                "not negative")
             return 0

@@ -174,18 +174,26 @@ class Declarations:
             if isinstance(declaration.spec, s.EnumSpec):
                 self.find_type(declaration.name, declaration.span)
         span = variables[0].span if variables else next(iter(self._pous.values())).span
-        pou = s.Pou(span, "GLOBAL", GLOBAL, tuple(variables), s.StBody(span, ()))
-        scope = ScopeBuilder(self, pou, None, self._image, self._report).build()
-        scope.places = {key: replace(p, base="memory", offset=base + p.offset)
-                        if p.base == "this" else p for key, p in scope.places.items()}
-        return scope
+        pou = s.Pou(span, "GLOBAL", GLOBAL, tuple(sorted(variables, key=self._is_instance)),
+                    s.StBody(span, ()))
+        builder = ScopeBuilder(self, pou, None, self._image, self._report, base)
+        self.globals = builder.scope  # which the function blocks among the globals may name
+        return builder.build()
+
+    def _is_instance(self, variable: s.Variable) -> bool:
+        spec = variable.type
+        while isinstance(spec, s.ArraySpec):
+            spec = spec.element
+        return isinstance(spec, s.NamedType) and spec.name.upper() in self._pous
 
     def scope(self, name: str) -> Scope | None:
         """Return the scope of a POU, building it first; None if it contains itself."""
         key = name.upper()
         if key in self.scopes:
             return self.scopes[key]
-        pou = self._pous[key]
+        pou = self._pous.get(key)
+        if pou is None:
+            return None  # its name is another's, which is reported
         if not self._enter(key, pou.name, pou.span):
             return None
         scope = ScopeBuilder(self, pou, self.globals, self._image, self._report).build()
@@ -245,10 +253,11 @@ class Declarations:
 
 
 class ScopeBuilder:
-    """Builds one scope."""
+    """Builds one scope; of global variables `begin` is where they begin in memory."""
 
     def __init__(self, declarations: Declarations, pou: s.Pou, parent: Scope | None, image: Image,
-                 report: Report) -> None:
+                 report: Report, begin: int | None = None) -> None:
+        self._begin = begin
         self._declarations, self._image, self._report = declarations, image, report
         self.scope = Scope(pou, BlockType(pou.name, pou.kind), declarations.members, parent)
         self._types = declarations.builder(self.scope)
@@ -287,6 +296,7 @@ class ScopeBuilder:
             return
         if variable.section == "VAR_TEMP" and isinstance(of, ElementaryType):
             self.scope.temporaries[key] = (variable, of)
+            self.scope.unused[key] = variable
             return
         initial = None if variable.initial is None else self._types.initial(variable.initial, of)
         if variable.constant:
@@ -300,7 +310,9 @@ class ScopeBuilder:
         read_only = "it is CONSTANT" if variable.constant else ""
         made = self.scope.type.add(variable.name, of, section=variable.section, initial=initial,
                                    constant=variable.constant, retain=variable.retain)
-        self.scope.places[key] = Place("this", made.offset, of, variable.name, read_only)
+        base, offset = ("this", made.offset) if self._begin is None \
+            else ("memory", self._begin + made.offset)
+        self.scope.places[key] = Place(base, offset, of, variable.name, read_only)
         if variable.edge:
             self._edge(key, variable, of)
         if variable.section == "VAR" and not variable.constant:
@@ -367,8 +379,8 @@ class ScopeBuilder:
                                "only a PROGRAM's and global variables can have an address")
         self.scope.places[key] = Place("unknown", 0, root(of), variable.name)
         if variable.address.endswith("*"):
-            self._report.error("P0090", span, "incomplete addresses, which VAR_CONFIG completes, are "
-                               "not supported yet; write the whole address")
+            self._report.error("P0090", span, "incomplete addresses, which VAR_CONFIG completes, "
+                               "are not supported yet; write the whole address")
             return
         address = read_address(variable.address, span, self._report)
         if address is None:
@@ -378,7 +390,8 @@ class ScopeBuilder:
             self._report.error("P0031", span, problem)
             return
         if not is_inside(of, address):
-            self._report.error("P0030", span, f"{of.name} at {address} ends outside the process image")
+            self._report.error("P0030", span,
+                               f"{of.name} at {address} ends outside the process image")
             return
         if initial is None and any(data := default_bytes(of)):
             initial = data
@@ -416,7 +429,7 @@ class ScopeBuilder:
 
 
 def was_active(action: str) -> str:
-    """Return the name of the hidden flag that an action with a final scan ran in the scan before."""
+    """Return the name of the hidden flag that an action with a final scan was active before."""
     return f"__WAS_{action.upper()}"
 
 

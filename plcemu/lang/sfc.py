@@ -157,8 +157,8 @@ def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
 
 def _chart_in_action(cursor: Cursor) -> s.StBody:
     """Read over a chart inside an action, which 2.6.4.1 allows and this compiler does not."""
-    cursor.report.error("P0090", cursor.token.span, "an action whose body is a chart is not supported "
-                        "yet; write the chart as a FUNCTION_BLOCK and call it in the action")
+    cursor.report.error("P0090", cursor.token.span, "an action whose body is a chart is not "
+                        "supported yet; make the chart a FUNCTION_BLOCK and call it in the action")
     cursor.enter()
     try:
         return s.StBody(parse_sfc(cursor).span, ())

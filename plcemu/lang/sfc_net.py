@@ -1,4 +1,4 @@
-"""Soundness of charts: what steps can be active together (IEC 61131-3, 2.6.5, unsafe and unreachable).
+"""Soundness of charts: which steps can be active together (IEC 61131-3, 2.6.5).
 
 A chart is taken as a net without times and conditions: every transition whose steps are active may
 fire, one at a time. Situations are sets of steps, explored breadth first from the initial one.
@@ -37,7 +37,8 @@ class Net:
         self.steps = [step.name for step in body.steps]
         number = {name.upper(): n for n, name in enumerate(self.steps)}
         self.initial = sum(1 << n for n, step in enumerate(body.steps) if step.initial)
-        self._arcs = [(_bits(t.sources, number), _bits(t.targets, number)) for t in body.transitions]
+        self._arcs = [(_bits(t.sources, number), _bits(t.targets, number))
+                      for t in body.transitions]
         self._leaving: dict[int, list[int]] = {}
         for n, transition in enumerate(body.transitions):
             first = number[transition.sources[0].head.upper()]

@@ -238,7 +238,9 @@ def _starts_case_label(cursor: Cursor) -> bool:
 
 
 def _statement(cursor: Cursor) -> s.Statement:
-    parser = _STATEMENTS.get(cursor.token.upper) if cursor.token.kind == "name" else None
+    parser = _STATEMENTS.get(cursor.word)
+    if cursor.word == "CONTINUE" and cursor.peek().text == ";":
+        parser = _continue  # no keyword of the 2nd edition: elsewhere it is a name
     cursor.enter()
     try:
         statement = parser(cursor, cursor.advance().span) if parser else _assign_or_call(cursor)
@@ -346,6 +348,10 @@ def _repeat(cursor: Cursor, start: Span) -> s.Statement:
     cursor.accept(";")
     cursor.expect("END_REPEAT", code="P0011")
     return s.Repeat(start.to(cursor.previous.span), body, condition)
+
+
+def _continue(_: Cursor, span: Span) -> s.Statement:
+    return s.Exit(span, goes_on=True)
 
 
 _STATEMENTS: dict[str, Callable[[Cursor, Span], s.Statement]] = {

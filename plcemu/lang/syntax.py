@@ -182,9 +182,10 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exit:
-    """EXIT: leave the innermost loop."""
+    """EXIT: leave the innermost loop; or CONTINUE: leave just this round of it."""
 
     span: Span
+    goes_on: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

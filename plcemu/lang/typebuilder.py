@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from plcemu.base.spans import Span
-from plcemu.base.types import ElementaryType, StringType
+from plcemu.base.types import ElementaryType, StringType, Value
 from plcemu.lang import syntax as s
 from plcemu.lang.constants import Lookup, NotConstant, constant_value, fold
 from plcemu.lang.report import Report
@@ -16,6 +16,7 @@ from plcemu.lang.types import (
     ArrayType,
     BlockType,
     EnumType,
+    PresetString,
     SubrangeType,
     Type,
     default_bytes,
@@ -160,19 +161,25 @@ class TypeBuilder:
         if isinstance(of, ArrayType):
             return replace(of, name=declaration.name, initial=data)
         if isinstance(of, EnumType):
-            first = of.unpack(data)
-            return replace(of, members=tuple(sorted(of.members, key=lambda m: m[1] != first)))
+            return self._with_first(of, of.unpack(data))
         if isinstance(of, BlockType):
             copy = BlockType(declaration.name, of.kind, {}, of.size)
             copy.fields = {k: replace(f, initial=data[f.offset:f.offset + f.type.size])
                            for k, f in of.fields.items()}
             return copy
-        if isinstance(of, ElementaryType) and of.kind in ("int", "uint"):
-            value = of.unpack(data)
-            assert isinstance(value, int)
-            base = of.base if isinstance(of, SubrangeType) else of
-            return replace(subrange_type(declaration.name, base, of.low, of.high), default=value)
-        return of
+        if isinstance(of, StringType):
+            return PresetString(of.capacity, of.wide, data)
+        base = of.base if isinstance(of, SubrangeType) else of
+        return replace(subrange_type(declaration.name, base, of.low, of.high),
+                       default=of.unpack(data))
+
+    def _with_first(self, of: EnumType, first: Value) -> EnumType:
+        """Return an enumeration with another default; its names are of that type from now on."""
+        made = replace(of, members=tuple(sorted(of.members, key=lambda m: m[1] != first)))
+        for key, (owner, value) in list(self._members.items()):
+            if owner == of:
+                self._members[key] = (made, value)
+        return made
 
     # ------------------------------------------------------------ initial values
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from plcemu.base.types import ELEMENTARY, ElementaryType, StringType
+from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
 
 if TYPE_CHECKING:
     from plcemu.lang.syntax import Expr
@@ -67,12 +67,12 @@ def enum_type(name: str, members: tuple[tuple[str, int], ...]) -> EnumType:
 
 @dataclass(frozen=True, slots=True)
 class SubrangeType(ElementaryType):
-    """An integer type with narrower limits; in memory it is its base type."""
+    """A type with narrower limits, or just a default of its own; in memory it is its base type."""
 
     base: ElementaryType = INT
     first: int = 0
     last: int = 0
-    default: int | None = None
+    default: Value | None = None
 
     @property
     def low(self) -> int:
@@ -85,7 +85,7 @@ class SubrangeType(ElementaryType):
         return self.last
 
     @property
-    def first_value(self) -> int:
+    def first_value(self) -> Value:
         """What a variable holds at first: the declared default, 0, or the lower limit."""
         if self.default is not None:
             return self.default
@@ -93,9 +93,16 @@ class SubrangeType(ElementaryType):
 
 
 def subrange_type(name: str, base: ElementaryType, first: int, last: int) -> SubrangeType:
-    """Return a subrange of an integer type."""
+    """Return a subrange of an integer type, or another type with its own limits."""
     return SubrangeType(name, base.kind, base.size, base.bits, base.code, base.machine, base,
                         first, last)
+
+
+@dataclass(frozen=True, slots=True)
+class PresetString(StringType):
+    """A string type with an initial value of its own."""
+
+    initial: bytes = b""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,6 +215,8 @@ def default_bytes(of: Type) -> bytes:
         return of.pack(of.members[0][1])
     if isinstance(of, SubrangeType):
         return of.pack(of.first_value)
+    if isinstance(of, PresetString):
+        return of.initial
     if isinstance(of, ArrayType):
         return of.initial if of.initial is not None \
             else default_bytes(of.element).ljust(of.stride, b"\0") * of.count
@@ -220,20 +229,25 @@ def default_bytes(of: Type) -> bytes:
 
 
 ELEMENT_TAGS = 1024
-"""Arrays with more elements have no tags for them."""
+"""Arrays with more elements, those of arrays in them counted in, have no tags for them."""
 
 
-def leaves(of: Type, name: str, offset: int) -> Iterator[tuple[str, int, ElementaryType | StringType]]:
-    """Yield (dotted name, offset, type) of every single value in a variable, hidden ones left out."""
+def leaves(of: Type, name: str, offset: int,
+           outer: int = 1) -> Iterator[tuple[str, int, ElementaryType | StringType]]:
+    """Yield (dotted name, offset, type) of every single value in a variable, hidden ones left out.
+
+    Arrays with more than `ELEMENT_TAGS` elements are left out, those of `outer` arrays counted in.
+    """
     if isinstance(of, ArrayType):
-        if of.count <= ELEMENT_TAGS:
+        total = of.count * outer
+        if total <= ELEMENT_TAGS:
             for n, subscripts in enumerate(_subscripts(of.ranges)):
                 element = f"{name}[{','.join(map(str, subscripts))}]"
-                yield from leaves(of.element, element, offset + n * of.stride)
+                yield from leaves(of.element, element, offset + n * of.stride, total)
     elif isinstance(of, BlockType):
         for each in of.fields.values():
             if not each.name.startswith("__") and each.section not in ("VAR_IN_OUT", "VAR_TEMP"):
-                yield from leaves(each.type, f"{name}.{each.name}", offset + each.offset)
+                yield from leaves(each.type, f"{name}.{each.name}", offset + each.offset, outer)
     else:
         yield name, offset, of
 
@@ -249,7 +263,7 @@ def _subscripts(ranges: tuple[tuple[int, int], ...]) -> Iterator[tuple[int, ...]
 
 
 def retained_fields(of: Type, name: str, offset: int) -> Iterator[tuple[str, int, Field]]:
-    """Yield (dotted name, offset, field) of every RETAIN field in a variable, the outermost only."""
+    """Yield (dotted name, offset, field) of every RETAIN field in a variable, outermost only."""
     if isinstance(of, ArrayType):
         if any(True for _ in retained_fields(of.element, "", 0)):
             for n, subscripts in enumerate(_subscripts(of.ranges)):

@@ -13,12 +13,14 @@ DATE_NS = 1_709_164_799 * 1000 * MS
     ("UDINT", 0, 2**32 - 1), ("ULINT", 0, 2**64 - 1)])
 def test_typed_counters_stop_at_the_limits_of_their_type(of, low, high):
     text = main(f"u : CTU_{of}; d : CTD_{of}; b : CTUD_{of}; x : BOOL; n : {of};",
-                "x := NOT x; u(CU := x, PV := 3); d(CD := x); b(CU := x, PV := n); n := u.CV;")
+                "x := NOT x; u(CU := x, PV := 3); d(CD := x); b(CU := x, PV := n);"
+                " n := u.CV;")
     controller = Controller(text)
     controller["u.CV"], controller["d.CV"], controller["b.CV"] = high - 1, low + 1, high
     controller.scan(9)
     assert (controller["u.CV"], controller["d.CV"], controller["b.CV"]) == (high, low, high)
-    assert controller["n"] == high and controller["u.Q"] and controller["d.Q"] and controller["b.QU"]
+    assert controller["n"] == high
+    assert controller["u.Q"] and controller["d.Q"] and controller["b.QU"]
 
 
 def test_a_counter_of_lint_takes_a_preset_that_no_int_holds():
@@ -82,6 +84,17 @@ def test_inputs_of_an_instance_are_read_and_written_from_outside():
     controller = Controller(main("c : CTU; x : BOOL; n : INT;",
                                  "x := NOT x; c.PV := 2; c.CU := x; c(); n := c.PV + c.CV;"))
     assert controller.values(4, "n") == [3, 3, 4, 4]
+
+
+def test_instances_are_global_and_may_use_other_global_variables():
+    text = ("VAR_GLOBAL one : adder; two : ARRAY[0..1] OF adder; END_VAR\n"
+            "FUNCTION_BLOCK adder VAR_EXTERNAL step_by : INT; END_VAR VAR_OUTPUT n : INT; END_VAR "
+            "n := n + step_by; END_FUNCTION_BLOCK\n"
+            "VAR_GLOBAL step_by : INT := 3; END_VAR\n"
+            "PROGRAM MAIN VAR_EXTERNAL one : adder; two : ARRAY[0..1] OF adder; END_VAR "
+            "VAR n : INT; END_VAR one(); two[1](); n := one.n + two[1].n; END_PROGRAM\n")
+    assert Controller(text).values(3, "MAIN.n") == [6, 12, 18]
+    assert findings(text) == []
 
 
 @pytest.mark.parametrize(("body", "expected"), [

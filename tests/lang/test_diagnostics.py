@@ -214,6 +214,10 @@ def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
      ["2:1: P0071"]),
     (body("t, u : TON; a : ARRAY[0..1] OF TON; x : BOOL;", "x := t.Q; u(); a[1]();"),
      ["2:1: P0072"]),
+    ("FUNCTION f : INNT f := 5; END_FUNCTION\n" + body("x : INT;", "x := f();"), ["1:14: P0022"]),
+    ("PROGRAM int\nEND_PROGRAM", ["1:9: P0021"]),
+    ("PROGRAM m VAR x, y : BOOL; END_VAR VAR_TEMP\nz, w : INT; END_VAR\n"
+     "w := 5; x := y AND w > 3; END_PROGRAM", ["2:1: P0070"]),
     ("CONFIGURATION c VAR_GLOBAL\ng, h : INT; END_VAR RESOURCE r ON PLC\n"
      "TASK a (INTERVAL := T#10ms, PRIORITY := 1); TASK b (INTERVAL := T#20ms, PRIORITY := 2);\n"
      "PROGRAM p WITH a : m; PROGRAM q WITH b : n; END_RESOURCE END_CONFIGURATION\n"

@@ -3,7 +3,8 @@
 import pytest
 from controller import Controller, findings, main
 
-VARIABLES = "c : BOOL; ok : BOOL := TRUE; no : BOOL; a : INT := 3; b : INT := 4; r : INT := 9; q : BOOL;"
+VARIABLES = ("c : BOOL; ok : BOOL := TRUE; no : BOOL; a : INT := 3; b : INT := 4; r : INT := 9; "
+             "q : BOOL;")
 TWICE = "FUNCTION twice : INT VAR_INPUT x : INT; END_VAR twice := 2 * x; END_FUNCTION\n"
 COUNT = ("FUNCTION_BLOCK count VAR_INPUT part : INT := 1; END_VAR VAR_OUTPUT n : INT; END_VAR "
          "n := n + part; END_FUNCTION_BLOCK\n")
@@ -14,8 +15,8 @@ COUNT = ("FUNCTION_BLOCK count VAR_INPUT part : INT := 1; END_VAR VAR_OUTPUT n :
     "r := ADD(IN1 := a, ENO => ok, IN2 := b, EN := c);",
     "r := twice(EN := c, x := a, ENO => ok) ; IF c THEN r := r + 1; END_IF;",
     "r := LIMIT(EN := c AND a = 3, MN := 0, IN := 8, MX := 7, ENO => ok);",
-    "ADD(\nEN := c,\nIN1 := a,\nIN2 := b,\nENO => ok\n)\nST no_matter\nLD ok\nJMPCN end\n"
-    "LD no_matter\nST r\nend:",
+    ("ADD(\nEN := c,\nIN1 := a,\nIN2 := b,\nENO => ok\n)\nST no_matter\nLD ok\nJMPCN end\n"
+     "LD no_matter\nST r\nend:"),
 ])
 def test_while_en_is_false_a_call_assigns_nothing_and_eno_is_false(text):
     controller = Controller(main(VARIABLES + "no_matter : INT;", text) + TWICE).scan()
@@ -52,11 +53,14 @@ def test_a_call_as_a_statement_has_en_and_eno_too():
 
 
 def test_a_pou_that_declares_en_and_eno_has_ordinary_variables():
-    text = ("FUNCTION_BLOCK own VAR_INPUT EN : BOOL; END_VAR VAR_OUTPUT ENO : BOOL; n : INT; END_VAR "
+    text = ("FUNCTION_BLOCK own VAR_INPUT EN : BOOL; END_VAR "
+            "VAR_OUTPUT ENO : BOOL; n : INT; END_VAR "
             "n := n + 1; ENO := NOT EN; END_FUNCTION_BLOCK\n"
             "FUNCTION half : INT VAR_INPUT EN : BOOL := TRUE; x : INT; END_VAR "
-            "VAR_OUTPUT ENO : BOOL; END_VAR ENO := EN AND x MOD 2 = 0; half := x / 2; END_FUNCTION\n"
-            + main(VARIABLES + "o : own;", "o(EN := c, ENO => ok); r := half(x := 8, ENO => q) + o.n;"))
+            "VAR_OUTPUT ENO : BOOL; END_VAR "
+            "ENO := EN AND x MOD 2 = 0; half := x / 2; END_FUNCTION\n"
+            + main(VARIABLES + "o : own;",
+                   "o(EN := c, ENO => ok); r := half(x := 8, ENO => q) + o.n;"))
     controller = Controller(text).scan(2)
     assert (controller["o.n"], controller["ok"], controller["q"], controller["r"]) == \
         (2, True, True, 6)

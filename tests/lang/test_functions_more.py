@@ -82,6 +82,7 @@ def test_a_function_begins_anew_at_every_call():
     ("n := square(1, 2);", "5:6: P0026"), ("n := square(y := 2);", "5:13: P0026"),
     ("n := divide(n := 5);", "5:6: P0023"), ("divide(n := 5, foo => n);", "5:16: P0026"),
     ("n := squar(2);", "5:6: P0020"), ("swap(q, i);", "5:6: P0023"),
+    ("LD i\nswap k\nST n", "6:1: P0024"), ("LD i\nsquare\nADD j\nST n", "7:5: P0020"),
 ])
 def test_mistakes_in_calls_of_functions_are_diagnosed(text, expected):
     found = [f for f in findings(main(VARIABLES, text) + POUS) if "P007" not in f]

@@ -4,6 +4,7 @@ import pytest
 from controller import Controller, evaluate, findings, main
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from plcemu.ir.builtins import read_string, write_string
 
 CALLS = {
@@ -39,15 +40,13 @@ def program(kind):
     counts = ", ".join("n" + k for k in NUMBERS)
     flags = ", ".join(f"c{n}" for n in range(len(COMPARISONS)))
     return Controller(main(f"a, b : {kind}[30]; n, p : INT; {names} : {kind}[99]; "
-                           f"{counts} : INT; {flags} : BOOL;".replace("n, p : INT",
-                                                                      "n : INT; p : INT"),
-                           "\n".join(body)))
+                           f"{counts} : INT; {flags} : BOOL;", "\n".join(body)))
 
 
 PROGRAMS = {kind: program(kind) for kind in ("STRING", "WSTRING")}
-TEXTS = {"STRING": st.text(st.characters(max_codepoint=255), max_size=30) | st.text("abc", max_size=6),
-         "WSTRING": st.text(st.characters(max_codepoint=0xD7FF), max_size=30)
-         | st.text("abc", max_size=6)}
+SHORT = st.text("abc", max_size=6)
+TEXTS = {"STRING": st.text(st.characters(max_codepoint=255), max_size=30) | SHORT,
+         "WSTRING": st.text(st.characters(max_codepoint=0xD7FF), max_size=30) | SHORT}
 
 
 @pytest.mark.parametrize("kind", PROGRAMS)
@@ -84,7 +83,8 @@ def test_a_string_may_be_built_from_itself():
 
 
 def test_assignment_cuts_to_the_capacity_of_the_target():
-    assert evaluate("s : STRING[4] := 'abcd'; r : STRING[6];", "r := CONCAT(s, s);", "r") == "abcdab"
+    assert evaluate("s : STRING[4] := 'abcd'; r : STRING[6];", "r := CONCAT(s, s);", "r") \
+        == "abcdab"
 
 
 def test_a_string_of_user_functions_stays_while_they_are_called_again():
@@ -115,7 +115,8 @@ def test_wrong_arguments_are_reported_at_their_place(body, found):
 @pytest.mark.parametrize(("call", "reason"), [
     ("MID(s, 1, 0)", "the position in MID is 0"), ("LEFT(s, -1)", "the length in LEFT is -1"),
     ("RIGHT(s, -1)", "the length in RIGHT is -1"), ("DELETE(s, 1, 0)", "the position in DELETE"),
-    ("INSERT(s, s, 4)", "the position in INSERT is 4"), ("REPLACE(s, s, 1, -2)", "in REPLACE is -2"),
+    ("INSERT(s, s, 4)", "the position in INSERT is 4"),
+    ("REPLACE(s, s, 1, -2)", "in REPLACE is -2"),
 ])
 def test_a_position_outside_of_the_string_is_a_fault_with_its_reason(call, reason):
     plc = Controller(main("s : STRING := 'abc'; r : STRING;", f"r := {call};")).scan()

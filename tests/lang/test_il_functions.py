@@ -1,12 +1,15 @@
-"""Functions and function blocks in IL, in every form of call (IEC 61131-3, 3.2.3, tables 53, 54)."""
+"""Functions and function blocks in IL, in every form of call (IEC 61131-3, tables 53 and 54)."""
 
 import pytest
 from controller import Controller, evaluate, findings, main
 
-VARIABLES = ("a : INT := -7; b : INT := 3; c : INT := 12; n : INT; d : DINT; r : REAL; x : REAL := 2.0;"
-             " p : BOOL := TRUE; q, z : BOOL; w : WORD := 16#00F1; v : WORD; s : STRING := 'abc';"
-             " u : STRING; f : ARRAY[0..3] OF INT := [5, 6, 7, 8]; i : INT := 2; t : TIME := T#2s;"
-             " g : TIME;")
+from plcemu.base.errors import CompileError
+from plcemu.lang.compile import compile_program
+
+VARIABLES = ("a : INT := -7; b : INT := 3; c : INT := 12; n : INT; d : DINT; r : REAL; "
+             "x : REAL := 2.0; p : BOOL := TRUE; q, z : BOOL; w : WORD := 16#00F1; v : WORD;"
+             " s : STRING := 'abc'; u : STRING; f : ARRAY[0..3] OF INT := [5, 6, 7, 8];"
+             " i : INT := 2; t : TIME := T#2s; g : TIME;")
 
 
 @pytest.mark.parametrize(("text", "name", "expected"), [
@@ -50,6 +53,34 @@ def test_a_function_takes_the_current_result_as_its_first_argument(text, name, e
 ])
 def test_a_function_called_formally_leaves_its_value_as_the_current_result(text, name, expected):
     assert evaluate(VARIABLES, text, name) == expected
+
+
+STANDARD = [
+    ("ABS", "IN := a", "INT"), ("SQRT", "IN := x", "REAL"), ("LN", "IN := x", "REAL"),
+    ("EXPT", "IN1 := x, IN2 := b", "REAL"), ("SHL", "IN := w, N := 3", "WORD"),
+    ("ROR", "IN := w, N := 5", "WORD"), ("SEL", "G := p, IN0 := a, IN1 := b", "INT"),
+    ("MAX", "IN1 := a, IN2 := b, IN3 := c", "INT"), ("MIN", "IN1 := x, IN2 := 1.5", "REAL"),
+    ("LIMIT", "MN := b, IN := a, MX := c", "INT"),
+    ("MUX", "K := i, IN0 := a, IN1 := b, IN2 := c", "INT"),
+    ("GT", "IN1 := b, IN2 := a", "BOOL"), ("ADD", "IN1 := a, IN2 := b, IN3 := 1", "INT"),
+    ("LEN", "IN := s", "INT"), ("LEFT", "IN := s, L := 2", "STRING"),
+    ("MID", "IN := s, L := 1, P := 2", "STRING"), ("CONCAT", "IN1 := s, IN2 := 'd'", "STRING"),
+    ("REPLACE", "IN1 := s, IN2 := 'xy', L := 1, P := 2", "STRING"),
+    ("FIND", "IN1 := s, IN2 := 'c'", "INT"), ("INT_TO_DINT", "a", "DINT"),
+    ("INT_TO_STRING", "a", "STRING"), ("REAL_TO_INT", "x", "INT"), ("WORD_TO_UINT", "w", "UINT"),
+    ("TIME_TO_DINT", "t", "DINT"), ("MOVE", "a", "INT"), ("TRUNC", "x", "DINT"),
+]
+
+
+@pytest.mark.parametrize(("name", "arguments", "of"), STANDARD)
+def test_standard_functions_give_in_il_in_both_forms_what_they_give_in_st(name, arguments, of):
+    operands = [each.split(":=")[-1].strip() for each in arguments.split(", ")]
+    informal = f"LD {operands[0]}\n{name} {', '.join(operands[1:])}"
+    formal = f"{name}(\n" + arguments.replace(", ", ",\n") + "\n)"
+    il = f"{informal}\nST one\n{formal}\nST two"
+    expected = evaluate(VARIABLES + f"one : {of};", f"one := {name}({arguments});", "one")
+    controller = Controller(main(VARIABLES + f"one, two : {of};", il)).scan()
+    assert (controller["one"], controller["two"]) == (expected, expected)
 
 
 def test_strings_are_current_results():
@@ -168,8 +199,6 @@ def test_elements_of_arrays_and_structures_are_operands():
     ("LD a\nscall 4\nST n", "SCALE"), ("LD a\nSTT n", "ST"),
 ])
 def test_an_unknown_operator_is_diagnosed_with_the_nearest_one_or_function(text, hint):
-    from plcemu.base.errors import CompileError
-    from plcemu.lang.compile import compile_program
     with pytest.raises(CompileError) as caught:
         compile_program(main(VARIABLES, text) + SCALE)
     assert [d.code for d in caught.value.diagnostics] == ["P0012"]

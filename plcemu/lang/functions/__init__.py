@@ -7,15 +7,15 @@ rule and code.
 from __future__ import annotations
 
 from plcemu.lang.functions import numbers, selection, strings, times
-from plcemu.lang.functions.conversions import find_conversion
+from plcemu.lang.functions.conversions import find_conversion, near_conversions
 from plcemu.lang.functions.rows import MANY, Standard, arguments_fit
 
-__all__ = ["MANY", "NAMES", "Standard", "arguments_fit", "find"]
+__all__ = ["MANY", "NAMES", "Standard", "arguments_fit", "find", "near_conversions"]
 
 _TABLE: dict[str, Standard] = {row.name: row for row in (
     *numbers.ROWS, *selection.ROWS, *strings.ROWS, *times.ROWS)}
 
-NAMES: frozenset[str] = frozenset(_TABLE)
+NAMES: frozenset[str] = frozenset(name for name in _TABLE if not name.startswith("__"))
 """The functions that are in the table; conversions come on top, see `find`."""
 
 

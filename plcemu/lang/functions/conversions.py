@@ -16,7 +16,7 @@ from plcemu.base.spans import Span
 from plcemu.base.types import ELEMENTARY, ElementaryType, StringType
 from plcemu.lang import syntax as s
 from plcemu.lang.functions.numbers import truncated
-from plcemu.lang.functions.rows import Arguments, Emit, Infer, Standard, fixed, wrong
+from plcemu.lang.functions.rows import NUMBER, Arguments, Emit, Infer, Standard, fixed, wrong
 from plcemu.lang.functions.strings import LONGEST, begin_string, letter
 from plcemu.lang.operators import within_day
 from plcemu.lang.types import LINT, LREAL, Type, root
@@ -291,6 +291,16 @@ def _splits(name: str, word: str) -> Iterator[tuple[str, str]]:
         at = name.find(f"_{word}_", at + 1)
 
 
+def near_conversions(name: str) -> list[str]:
+    """Return the conversions that share one of their types with an unknown name, for a hint."""
+    types = [*ELEMENTARY, "STRING", "WSTRING"]
+    found: list[str] = []
+    for left, right in _splits(name, "TO"):
+        found += [f"{left}_TO_{each}".removeprefix("_") for each in types if left in ["", *types]]
+        found += [f"{each}_TO_{right}" for each in types if right in types]
+    return found
+
+
 @lru_cache(4096)
 def find_conversion(name: str) -> Standard | None:
     """Return A_TO_B, TO_B, A_TRUNC_B, TRUNC_B, A_BCD_TO_B or A_TO_BCD_B, if A and B are types."""
@@ -305,9 +315,8 @@ def find_conversion(name: str) -> Standard | None:
     for left, right in _splits(name, "TRUNC"):
         whole = _whole(right)
         if whole is not None and left in ("", "REAL", "LREAL"):
-            kinds = (("float", "literal"),)
             return Standard(name, ("IN",), False, None, fixed(whole), _truncation(left),
-                            kinds=kinds)
+                            kinds=(NUMBER,))
     return None
 
 

@@ -6,7 +6,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from plcemu.lang import syntax as s
-from plcemu.lang.functions.rows import Arguments, Emit, Rewrite, Standard, fixed, wrong
+from plcemu.lang.functions.rows import (
+    NUMBER,
+    Arguments,
+    Emit,
+    Rewrite,
+    Standard,
+    fixed,
+    wrong,
+)
 from plcemu.lang.types import (
     DINT,
     INT_LITERAL,
@@ -146,7 +154,7 @@ def _shifts() -> list[Standard]:
 def truncated(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
     """Cut off a REAL's fraction; where a REAL is expected, its whole part comes back as one."""
     origin = ex.infer(arguments[0])
-    origin = REAL if origin is None or origin.kind != "float" else origin
+    origin = LREAL if origin is None or origin.kind != "float" else origin
     good = ex.emit(arguments[0], origin)
     whole = LINT if of.kind == "float" else of
     ex.out.emit(f"trunc.{origin.machine}.{whole.machine}", None, call.span)
@@ -156,4 +164,4 @@ def truncated(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> 
 
 ROWS = (*_operators(), *_numeric(), *_shifts(),
         Standard("TRUNC", ("IN",), False, None, fixed(INT_LITERAL), truncated,
-                 kinds=(("float", "literal"),), natural=DINT))
+                 kinds=(NUMBER,), natural=DINT))

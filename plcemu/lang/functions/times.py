@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plcemu.base.spans import Span
+from plcemu.base.time import UNITS_NS
 from plcemu.base.types import ELEMENTARY
 from plcemu.lang import syntax as s
-from plcemu.lang.emitter import Emitter
 from plcemu.lang.functions.numbers import fold
 from plcemu.lang.functions.rows import (
     INTEGER,
@@ -19,6 +18,8 @@ from plcemu.lang.functions.rows import (
     fixed,
     push_integer,
 )
+from plcemu.lang.operators import within_day
+from plcemu.lang.splits import SPLITS
 from plcemu.lang.types import INT, INT_LITERAL, LINT, Type
 
 if TYPE_CHECKING:
@@ -65,18 +66,44 @@ def _made(*builtins: tuple[str, int]) -> Emit:
     return emit
 
 
-def date_part(out: Emitter, part: int, span: Span) -> None:
-    """Replace a date on the stack by its year, month, day or weekday, by number from 0."""
-    out.emit("const", ("i64", part), span)
-    out.emit("builtin", "date.part", span)
+def _part_of_date(part: int) -> Emit:
+    """The year, month, day or day of the week, which goes from 0 for Sunday to 6."""
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
+        good = ex.emit_natural(arguments[0]) is not None
+        ex.out.emit("const", ("i64", part), call.span)
+        ex.out.emit("builtin", "date.part", call.span)
+        ex.convert(LINT, of, call.span)
+        return good
+    return emit
 
 
-def _weekday(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
-    """The day of the week, from 0 for Sunday to 6."""
-    good = ex.emit_natural(arguments[0]) is not None
-    date_part(ex.out, 3, call.span)
-    ex.convert(LINT, of, call.span)
-    return good
+def _part_of_day(unit_ns: int, count: int) -> Emit:
+    """How many units since the last larger one, of which it has so many."""
+    def emit(ex: Expressions, call: s.Call, arguments: Arguments, of: Type) -> bool:
+        good = ex.emit_natural(arguments[0]) is not None
+        within_day(ex.out, call.span)
+        for op, number in (("div", unit_ns), ("mod", count)):
+            ex.out.emit("const", ("i64", number), call.span)
+            ex.out.emit(f"{op}.i64", None, call.span)
+        ex.convert(LINT, of, call.span)
+        return good
+    return emit
+
+
+def _no_value(ex: Expressions, call: s.Call, arguments: Arguments) -> Type | None:
+    ex.report.error("P0023", call.span, f"{call.name} has no value", "call it as a statement")
+    return None
+
+
+_PARTS: tuple[tuple[str, Kinds, Emit], ...] = (
+    ("DAY_OF_WEEK", ("date", "dt"), _part_of_date(3)), ("__YEAR", ("date", "dt"), _part_of_date(0)),
+    ("__MONTH", ("date", "dt"), _part_of_date(1)), ("__DAY", ("date", "dt"), _part_of_date(2)),
+    ("__HOUR", ("tod", "dt"), _part_of_day(UNITS_NS["h"], 24)),
+    ("__MINUTE", ("tod", "dt"), _part_of_day(UNITS_NS["m"], 60)),
+    ("__SECOND", ("tod", "dt"), _part_of_day(UNITS_NS["s"], 60)),
+    ("__MILLISECOND", ("tod", "dt"), _part_of_day(UNITS_NS["ms"], 1000)),
+)
+"""Functions that take a number out of a date or time of day: names, kinds of input, code."""
 
 
 def _rows() -> list[Standard]:
@@ -92,8 +119,9 @@ def _rows() -> list[Standard]:
             ("CONCAT_LDT", day + clock, _DT_TYPE, _made(("date.of", 3), ("tod.of", 4))))
     rows += [Standard(name, inputs, False, None, fixed(of), emit, kinds=(INTEGER,) * len(inputs))
              for name, inputs, of, emit in made]
-    rows.append(Standard("DAY_OF_WEEK", ("IN",), False, None, fixed(INT_LITERAL), _weekday,
-                         kinds=(("date", "dt"),), natural=INT))
+    rows += [Standard(name, ("IN",), False, None, fixed(INT_LITERAL), emit, kinds=(kinds,),
+                      natural=INT) for name, kinds, emit in _PARTS]
+    rows += [Standard(name, ("IN",), False, None, _no_value) for name in SPLITS]
     return rows
 
 
