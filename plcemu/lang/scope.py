@@ -321,8 +321,8 @@ class ScopeBuilder:
     def _edge(self, key: str, variable: s.Variable, of: Type) -> None:
         """Let the name stand for the edge: what the caller wrote is seen by no statement."""
         written = self.scope.places[key]
-        last, now = (replace(written, offset=self.scope.type.add(f"__{variable.name}{n}", of).offset)
-                     for n in ("_last", "_edge"))
+        hidden = [self.scope.type.add(f"__{variable.name}{n}", of) for n in ("_last", "_edge")]
+        last, now = (replace(written, offset=made.offset) for made in hidden)
         self.scope.places[key] = now
         self.scope.edges.append((written, last, now, variable))
 
@@ -334,8 +334,8 @@ class ScopeBuilder:
             self._report.error("P0090", variable.span,
                                "VAR_IN_OUT of a PROGRAM is not supported yet; use VAR_EXTERNAL")
             return False
-        if is_block and variable.section != "VAR_IN_OUT" and (kind == "FUNCTION" or variable.section not in (
-                "VAR", "VAR_GLOBAL", "VAR_EXTERNAL")):
+        holds = variable.section in ("VAR", "VAR_GLOBAL", "VAR_EXTERNAL") and kind != "FUNCTION"
+        if is_block and not holds and variable.section != "VAR_IN_OUT":
             self._report.error("P0090", variable.span, f"function blocks in {variable.section} of "
                                f"a {kind} are not supported yet")
             return False

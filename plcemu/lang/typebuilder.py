@@ -69,7 +69,8 @@ class TypeBuilder:
         except NotConstant as problem:
             self._report.error("P0027", problem.span, problem.reason)
             return None
-        if isinstance(value, bool) or not isinstance(value, int) or not LINT.low <= value <= LINT.high:
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        if not isinstance(value, int) or not is_whole or not LINT.low <= value <= LINT.high:
             self._report.error("P0023", expr.span, "a whole number is expected here")
             return None
         return value

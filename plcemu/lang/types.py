@@ -1,8 +1,8 @@
 """Types and places: what a name in a POU stands for.
 
 Elementary types come from `plcemu.base.types`; enumerations and subranges are elementary types with
-values or limits of their own. A block type is a layout of fields: of a structure, a function block, a
-program, a function's frame, a step or a clock cell.
+values or limits of their own. A block type is a layout of fields: of a structure, a function block,
+a program, a function's frame, a step or a clock cell.
 """
 
 from __future__ import annotations

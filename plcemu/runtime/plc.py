@@ -19,7 +19,7 @@ from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
 
 
-def compile(source: str | Path | Iterable[str | Path], *,  # noqa: A001 - the promised name
+def compile(source: str | Path | Iterable[str | Path], *,
             final_scan: bool = False) -> Program:
     """Compile a program text, a file or several files.
 

@@ -131,7 +131,8 @@ SFC_CASES = [
      "ACTION d: x := y; END_ACTION",
      ["4:1: P0010", "6:1: P0011", "8:1: P0011"]),
     (A.replace("END_", "END") + "TRANSITION FROM A TO A := x; ENDTRANSITION\n"
-     "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION", ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
+     "ACTION b: x := y; ENDACTION\nACTION c: LD x\nENDACTION",
+     ["3:23: P0010", "4:30: P0010", "5:19: P0010", "7:1: P0010"]),
     ("INITIAL_STEP A: x(N, y, z); END_STEP", ["3:25: P0020"]),
     ("INITIAL_STEP A: x(N, i); x(L, T#1s, y, i); END_STEP", ["3:22: P0023", "3:40: P0023"]),
     (A + "ACTION b:\nSTEP C: END_STEP ACTION d: x := y; END_ACTION END_ACTION", ["5:1: P0090"]),
@@ -216,13 +217,13 @@ def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
      ["2:1: P0072"]),
     ("FUNCTION f : INNT f := 5; END_FUNCTION\n" + body("x : INT;", "x := f();"), ["1:14: P0022"]),
     ("PROGRAM int\nEND_PROGRAM", ["1:9: P0021"]),
-    ("PROGRAM m VAR x, y : BOOL; END_VAR VAR_TEMP\nz, w : INT; END_VAR\n"
-     "w := 5; x := y AND w > 3; END_PROGRAM", ["2:1: P0070"]),
-    ("CONFIGURATION c VAR_GLOBAL\ng, h : INT; END_VAR RESOURCE r ON PLC\n"
+    (("PROGRAM m VAR x, y : BOOL; END_VAR VAR_TEMP\nz, w : INT; END_VAR\n"
+     "w := 5; x := y AND w > 3; END_PROGRAM"), ["2:1: P0070"]),
+    (("CONFIGURATION c VAR_GLOBAL\ng, h : INT; END_VAR RESOURCE r ON PLC\n"
      "TASK a (INTERVAL := T#10ms, PRIORITY := 1); TASK b (INTERVAL := T#20ms, PRIORITY := 2);\n"
      "PROGRAM p WITH a : m; PROGRAM q WITH b : n; END_RESOURCE END_CONFIGURATION\n"
      "PROGRAM m VAR_EXTERNAL g, h : INT; END_VAR g := h; END_PROGRAM\n"
-     "PROGRAM n VAR_EXTERNAL g, h : INT; END_VAR g := g + h; h := 1; END_PROGRAM\n",
+     "PROGRAM n VAR_EXTERNAL g, h : INT; END_VAR g := g + h; h := 1; END_PROGRAM\n"),
      ["2:1: P0074"]),
     (" " * (SOURCE_LIMIT + 1), ["1:1: P0100"]),
 ])
