@@ -87,6 +87,7 @@ class Expressions:
         right = self.infer(expr.right)
         if left is None or right is None:
             return None
+        left, right = sized_literal(expr.left, left, right), sized_literal(expr.right, right, left)
         of = _operands(expr.op, left, right)
         if of is None:
             self._out.report.error("P0023", expr.span,
@@ -158,7 +159,8 @@ class Expressions:
         of, left, right = self.infer(expr), self.infer(expr.left), self.infer(expr.right)
         if of is None or left is None or right is None:
             return None
-        common = _operands(expr.op, left, right)
+        common = _operands(expr.op, sized_literal(expr.left, left, right),
+                           sized_literal(expr.right, right, left))
         if of.kind == "literal" and not isinstance(target, ElementaryType):
             self._widens(expr, of, target)
             return None
@@ -341,6 +343,22 @@ def default_type(expr: s.Expr, of: Type) -> Type:
         return REAL
     if of is not INT_LITERAL:
         return of
+    low, high = _literal_range(expr)
+    return next((row for row in (INT, DINT) if row.low <= low and high <= row.high), LINT)
+
+
+def sized_literal(expr: s.Expr, of: Type, other: Type) -> Type:
+    """Return the type of an operand: an integer literal beyond the other's range has its own."""
+    other = root(other)
+    if of is not INT_LITERAL or isinstance(expr, s.Call) \
+            or not isinstance(other, ElementaryType) or other.kind not in ("int", "uint"):
+        return of  # a function such as TRUNC gives what is asked of it
+    low, high = _literal_range(expr)
+    return of if other.low <= low and high <= other.high else default_type(expr, of)
+
+
+def _literal_range(expr: s.Expr) -> tuple[int, int]:
+    """Return the smallest and the largest of the integer literals in an expression, and 0."""
     low, high, pending = 0, 0, [expr]
     while pending:
         each = pending.pop()
@@ -358,7 +376,7 @@ def default_type(expr: s.Expr, of: Type) -> Type:
                 low, high = min(low, row.natural.low), max(high, row.natural.high)
             else:
                 pending += [argument.value for argument in each.arguments]
-    return next((row for row in (INT, DINT) if row.low <= low and high <= row.high), LINT)
+    return low, high
 
 
 def _is_constant(expr: s.Expr) -> bool:

@@ -12,7 +12,7 @@ from plcemu.base.spans import Span
 from plcemu.ir.program import Instr
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
-from plcemu.lang.expressions import Expressions, default_type
+from plcemu.lang.expressions import Expressions, default_type, sized_literal
 from plcemu.lang.il_calls import Calls
 from plcemu.lang.il_flow import find_blocks, find_labels, find_wanted, is_jump
 from plcemu.lang.il_result import CurrentResult, Result
@@ -279,6 +279,8 @@ class InstructionList:
     def _common(self, each: s.Instruction, left: Type,
                 right: Type) -> Type | None:
         """Return the type in which an operator works; None after a reported mistake."""
+        if each.operand is not None:
+            right = sized_literal(each.operand, right, left)
         common = operand_type(_plain(each), left, right)
         if common is None:
             self._out.report.error("P0023", each.span, f"{each.op} does not fit {left.name} and "

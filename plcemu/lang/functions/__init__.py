@@ -6,6 +6,7 @@ rule and code.
 
 from __future__ import annotations
 
+from plcemu.base.types import ELEMENTARY
 from plcemu.lang.functions import numbers, selection, strings, times
 from plcemu.lang.functions.conversions import find_conversion, near_conversions
 from plcemu.lang.functions.rows import MANY, Standard, arguments_fit
@@ -20,5 +21,13 @@ NAMES: frozenset[str] = frozenset(name for name in _TABLE if not name.startswith
 
 
 def find(name: str) -> Standard | None:
-    """Return the standard function of that name, or None."""
-    return _TABLE.get(name.upper()) or find_conversion(name.upper())
+    """Return the standard function of that name, or None.
+
+    Beside the overloaded name there is one for each type, such as ADD_INT (2.5.1.4).
+    """
+    key = name.upper()
+    found = _TABLE.get(key) or find_conversion(key)
+    if found is None:
+        base, _, of = key.rpartition("_")
+        found = _TABLE.get(base) if of in ELEMENTARY or of in ("STRING", "WSTRING") else None
+    return found
