@@ -17,6 +17,7 @@ from plcemu.lang.image import read_address
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Scope
 from plcemu.lang.types import (
+    BOOL,
     TYPE_OF_SIZE,
     ArrayType,
     BlockType,
@@ -109,6 +110,7 @@ class Emitter:
             return None
         for part in node.parts[1:]:
             inner = self._field(node, place, part) if isinstance(part, str) \
+                else self._bit(node, place, part) if isinstance(part, int) \
                 else self._element(node, place, part)
             if inner is None:
                 return None
@@ -123,6 +125,17 @@ class Emitter:
         read_only = place.read_only or ("it is an output" if field.section == "VAR_OUTPUT" else "")
         return replace(place, offset=place.offset + field.offset, type=field.type, name=str(node),
                        read_only=read_only)
+
+    def _bit(self, node: s.Name, place: Place, bit: int) -> Place | None:
+        """Return the place of a bit of an integer or bit string."""
+        of = root(place.type)
+        if not isinstance(of, ElementaryType) or of.kind not in ("bits", "uint", "int"):
+            self.report.error("P0023", node.span, f"{place.name} is {of.name} and has no bits")
+            return None
+        if bit >= of.bits:
+            self.report.error("P0025", node.span, f"{of.name} has the bits 0 to {of.bits - 1}")
+            return None
+        return replace(place, type=BOOL, name=str(node), holder=of, bit=bit)
 
     def _element(self, node: s.Name, place: Place, subscripts: tuple[s.Expr, ...]) -> Place | None:
         """Return the place of an array's element; known subscripts need no code."""
@@ -193,6 +206,9 @@ class Emitter:
 
     def load(self, place: Place, of: Type, span: Span) -> None:
         """Push the value at a place; of arrays, structures and strings their address."""
+        if place.holder is not None:
+            self._load_bit(place, place.holder, span)
+            return
         if place.base == "local":
             self.emit("get", place.offset, span)
         elif not isinstance(of, ElementaryType):
@@ -205,6 +221,9 @@ class Emitter:
 
     def store(self, place: Place, of: Type, span: Span) -> None:
         """Pop a value (or the address of an array, structure or string) into a place."""
+        if place.holder is not None:
+            self._store_bit(place, place.holder, span)
+            return
         if place.base == "local":
             self.emit("set", place.offset, span)
         elif not isinstance(of, ElementaryType):
@@ -217,6 +236,35 @@ class Emitter:
             self.emit("storeat", (of.machine, place.offset if place.base == "pointer" else 0), span)
         else:
             self.emit("store", (of.machine, place.base, place.offset), span)
+
+    def _load_holder(self, place: Place, of: ElementaryType, span: Span) -> str:
+        """Push the variable that a bit belongs to as an unsigned number; return its type."""
+        unsigned = f"u{of.bits}"
+        self.load(replace(place, type=of, holder=None), of, span)
+        if of.machine != unsigned:
+            self.emit(f"to.{of.machine}.{unsigned}", None, span)
+        return unsigned
+
+    def _load_bit(self, place: Place, of: ElementaryType, span: Span) -> None:
+        unsigned = self._load_holder(place, of, span)
+        self.emit("const", (unsigned, 1 << place.bit), span)
+        self.emit(f"and.{unsigned}", None, span)
+        self.emit(f"to.{unsigned}.bool", None, span)
+
+    def _store_bit(self, place: Place, of: ElementaryType, span: Span) -> None:
+        value, mask = self.new_local("bool"), 1 << place.bit
+        self.emit("set", value, span)
+        unsigned = self._load_holder(place, of, span)
+        self.emit("const", (unsigned, (1 << of.bits) - 1 - mask), span)
+        self.emit(f"and.{unsigned}", None, span)
+        for bits in (mask, 0):
+            self.emit("const", (unsigned, bits), span)
+        self.emit("get", value, span)
+        self.emit("select", unsigned, span)
+        self.emit(f"or.{unsigned}", None, span)
+        if of.machine != unsigned:
+            self.emit(f"to.{unsigned}.{of.machine}", None, span)
+        self.store(replace(place, type=of, holder=None), of, span)
 
     def _store_large(self, place: Place, of: Type, span: Span) -> None:
         source = self.new_local("u32")

@@ -256,8 +256,8 @@ class Expressions:
         place = self._out.place(argument.value)
         if place is None:
             return False
-        if place.base == "local" or place.read_only:
-            why = place.read_only or "it is VAR_TEMP"
+        if place.base == "local" or place.read_only or place.holder is not None:
+            why = place.read_only or ("it is a bit" if place.holder else "it is VAR_TEMP")
             self.report.error("P0024", argument.span,
                               f"{place.name} cannot be VAR_IN_OUT: {why}")
             return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from plcemu.base.spans import Span
@@ -115,9 +116,13 @@ def parse_name(cursor: Cursor, what: str) -> s.Name:
     return name_from(cursor, cursor.identifier(what))
 
 
+_BIT = re.compile(r"(?:%[Xx])?([0-9]{1,2})")
+"""A bit of a variable: `.3` or `.%X3` (3rd edition, 6.5.5)."""
+
+
 def name_from(cursor: Cursor, first: Token) -> s.Name:
-    """Parse the fields and subscripts that follow a name."""
-    parts: list[str | tuple[s.Expr, ...]] = [first.text]
+    """Parse the fields, subscripts and the bit that follow a name."""
+    parts: list[str | int | tuple[s.Expr, ...]] = [first.text]
     while True:
         if cursor.at(".") and cursor.peek().kind == "name":
             cursor.advance()
@@ -125,6 +130,10 @@ def name_from(cursor: Cursor, first: Token) -> s.Name:
         elif cursor.at("["):
             cursor.advance()
             parts.append(_subscripts(cursor))
+        elif cursor.at(".") and (bit := _BIT.fullmatch(cursor.peek().text)):
+            cursor.advance()
+            cursor.advance()
+            parts.append(int(bit[1]))
         else:
             return s.Name(first.span.to(cursor.previous.span), tuple(parts))
 

@@ -21,10 +21,13 @@ class Literal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Name:
-    """A variable, perhaps with fields and subscripts: `a[i].Q` is ("a", (i,), "Q")."""
+    """A variable, perhaps with fields, subscripts and a bit: `a[i].Q` is ("a", (i,), "Q").
+
+    `w.3` and `w.%X3` are ("w", 3).
+    """
 
     span: Span
-    parts: tuple[str | tuple[Expr, ...], ...]
+    parts: tuple[str | int | tuple[Expr, ...], ...]
 
     @property
     def head(self) -> str:
@@ -33,7 +36,7 @@ class Name:
         return self.parts[0]
 
     def __str__(self) -> str:
-        return "".join(f".{p}" if isinstance(p, str) else "[...]" for p in self.parts)[1:]
+        return "".join("[...]" if isinstance(p, tuple) else f".{p}" for p in self.parts)[1:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

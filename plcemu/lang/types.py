@@ -332,6 +332,8 @@ class Place:
         read_only: why it cannot be written, or empty.
         path: subscripts whose distances come on top.
         cell: of a pointer, where in the instance it stands.
+        holder: of a bit, the type of the variable it is a bit of; else None.
+        bit: its number.
     """
 
     base: str
@@ -341,6 +343,8 @@ class Place:
     read_only: str = ""
     path: tuple[Subscript, ...] = ()
     cell: int = 0
+    holder: ElementaryType | None = None
+    bit: int = 0
 
 
 def root(of: Type) -> Type:
