@@ -52,6 +52,7 @@ def test_bits_stand_in_fields_elements_temporaries_and_il() -> None:
     ("w.1.1 := TRUE;", "P0010"), ("w.1 := 5;", "P0023")])
 def test_a_mistake_about_a_bit_has_its_code(text: str, code: str) -> None:
     with pytest.raises(CompileError) as caught:
-        plcemu.compile("FUNCTION_BLOCK fb VAR_IN_OUT x : BOOL; END_VAR x := TRUE; END_FUNCTION_BLOCK "
+        plcemu.compile("FUNCTION_BLOCK fb VAR_IN_OUT x : BOOL; END_VAR x := TRUE; "
+                       "END_FUNCTION_BLOCK "
                        f"PROGRAM m VAR w : WORD; r : REAL; f : fb; END_VAR {text} END_PROGRAM")
     assert [d.code for d in caught.value.errors] == [code]

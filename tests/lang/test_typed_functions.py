@@ -9,7 +9,8 @@ from plcemu.base.errors import CompileError
 
 
 def test_a_typed_name_is_the_overloaded_function() -> None:
-    plc = plcemu.Plc("""PROGRAM m VAR i : INT := 3; n, k : INT; r : REAL; b : BOOL; w : WORD; END_VAR
+    plc = plcemu.Plc("""PROGRAM m
+        VAR i : INT := 3; n, k : INT; r : REAL; b : BOOL; w : WORD; END_VAR
         n := ADD_INT(i, 4); r := SQRT_REAL(2.25); b := GT_INT(n, i); w := SHL_WORD(WORD#1, 4);
         k := MAX_INT(IN1 := i, IN2 := n);
         END_PROGRAM""")
@@ -18,7 +19,8 @@ def test_a_typed_name_is_the_overloaded_function() -> None:
 
 
 def test_a_typed_name_works_in_il_too() -> None:
-    plc = plcemu.Plc("PROGRAM m VAR i : INT := 3; n : INT; END_VAR\nLD i\nADD_INT 4\nST n\nEND_PROGRAM")
+    plc = plcemu.Plc("PROGRAM m VAR i : INT := 3; n : INT; END_VAR\n"
+                     "LD i\nADD_INT 4\nST n\nEND_PROGRAM")
     plc.scan()
     assert plc["n"] == 7
 
