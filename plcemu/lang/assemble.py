@@ -12,7 +12,8 @@ from plcemu.lang.frames import Functions
 from plcemu.lang.image import Image
 from plcemu.lang.located import leaf_address
 from plcemu.lang.planning import Planned
-from plcemu.lang.scope import Declarations, Scope
+from plcemu.lang.scope import Scope
+from plcemu.lang.scopes import Declarations
 from plcemu.lang.types import (
     TYPE_OF_SIZE,
     BlockType,

@@ -28,7 +28,8 @@ from plcemu.lang.lower_sfc import Chart
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.planning import Planned, Planner
 from plcemu.lang.report import Report
-from plcemu.lang.scope import Declarations, Scope
+from plcemu.lang.scope import Scope
+from plcemu.lang.scopes import Declarations
 from plcemu.lang.types import BOOL, Place
 
 _LIBRARY: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -15,7 +15,8 @@ from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.report import Report
-from plcemu.lang.scope import CONTROLLED, Scope, was_active
+from plcemu.lang.scope import Scope
+from plcemu.lang.scopebuilder import CONTROLLED, was_active
 from plcemu.lang.sfc_net import Net
 from plcemu.lang.types import BOOL, TIME
 

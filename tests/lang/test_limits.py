@@ -4,7 +4,7 @@ import pytest
 from controller import Controller, evaluate, findings, main
 
 from plcemu.lang.cursor import NESTING_LIMIT
-from plcemu.lang.scope import MEMORY_LIMIT
+from plcemu.lang.scopebuilder import MEMORY_LIMIT
 from plcemu.lang.typebuilder import ELEMENT_LIMIT
 
 
