@@ -6,11 +6,11 @@ It is the oracle that every faster engine is compared with.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-from typing import Any, NoReturn
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, Protocol
 
 from plcemu.base.collector import paused_collector
-from plcemu.base.errors import ProgramFault
+from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import STRUCT_CODES, VALUE_OPS, Fault, wrap
 from plcemu.ir.program import Function, Instr, Program
@@ -24,6 +24,40 @@ _STRUCTS = {machine: struct.Struct("<" + code) for machine, code in STRUCT_CODES
 
 Step = Callable[[list[Any], list[Any], int], int]
 """An instruction: takes stack, locals and the instance's address, returns what comes next."""
+
+
+class Code(Protocol):
+    def run(self) -> None: ...
+
+
+class Engine(Protocol):
+    name: str
+    block: bytearray
+
+    def prepare(self, runs: Sequence[tuple[str, int]], budget: int) -> Code: ...
+
+    def advance_clocks(self, elapsed_ns: int) -> None: ...
+
+
+_CLOCK = struct.Struct("<qq")
+ENGINES = ("auto", "interpreter")
+
+
+def make_engine(name: str, program: Program, budget: int) -> Engine:
+    if name not in ENGINES:
+        raise PlcemuError(f"there is no engine {name!r}; choose one of {', '.join(ENGINES)}")
+    return Interpreter(program, bytearray(program.layout.initial), budget)
+
+
+class InterpretedCode:
+    def __init__(self, engine: Interpreter, runs: Sequence[tuple[str, int]], budget: int) -> None:
+        self._engine, self._runs, self.budget = engine, runs, budget
+
+    def run(self) -> None:
+        engine = self._engine
+        engine._left = engine._budget = self.budget
+        for function, base in self._runs:
+            engine._run(function, base, [])
 
 
 class Interpreter:
@@ -40,7 +74,7 @@ class Interpreter:
     @paused_collector()
     def __init__(self, program: Program, block: bytearray, budget: int = BUDGET) -> None:
         self._program = program
-        self._block = block
+        self._block = self.block = block
         self._budget = budget
         self._left = budget
         self._code = {function.name: (function, self._steps(function), _zeros(function))
@@ -54,6 +88,15 @@ class Interpreter:
         """
         self._left = self._budget
         self._run(function, base, [])
+
+    def prepare(self, runs: Sequence[tuple[str, int]], budget: int) -> Code:
+        return InterpretedCode(self, runs, budget)
+
+    def advance_clocks(self, elapsed_ns: int) -> None:
+        for clock in self._program.layout.clocks:
+            elapsed, limit = _CLOCK.unpack_from(self._block, clock.offset)
+            if elapsed < limit:
+                _CLOCK.pack_into(self._block, clock.offset, min(elapsed + elapsed_ns, limit), limit)
 
     def _run(self, name: str, this: int, stack: list[Any]) -> None:
         function, steps, zeros = self._code[name]
