@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
 from plcemu.base.types import ElementaryType, StringType, Value, type_of
-from plcemu.ir.program import Layout
+from plcemu.ir.program import Block, Layout
 
 _CLOCK = struct.Struct("<qq")
 
@@ -16,12 +16,16 @@ _CLOCK = struct.Struct("<qq")
 class Memory:
     """One flat block of bytes; snapshot, restore and compare are operations on it.
 
+    Args:
+        layout: what stands where.
+        block: an engine's memory.
+
     Attributes:
         block: the bytes, little-endian. It is never replaced, so views of it stay valid.
         tags: the tags that stand in it.
     """
 
-    def __init__(self, layout: Layout, block: bytearray) -> None:
+    def __init__(self, layout: Layout, block: Block) -> None:
         self.layout = layout
         self.block = block
         self.tags = TagTable(slot.tag for slot in layout.slots)

@@ -13,7 +13,8 @@ from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.time import format_duration
 from plcemu.base.types import Value
-from plcemu.engine.interpreter import BUDGET, make_engine
+from plcemu.engine.engines import make_engine
+from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.memory import Memory
 from plcemu.engine.releases import count_any
 from plcemu.engine.tasks import TaskState, prepare
@@ -34,7 +35,7 @@ class Resource:
     Args:
         program: the compiled program.
         cycle_ns: the interval of tasks that name none.
-        engine: one of `ENGINES`.
+        engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
         budget: of tasks that name none: instructions that jumps backwards may cost in one run.
@@ -203,9 +204,13 @@ class Resource:
 
     # ------------------------------------------------------------ scans that cannot matter
 
+    def _time_matters_in_ns(self) -> int | None:
+        """Return how much time may pass before that alone can change what a scan does."""
+        return self.memory.time_matters_in_ns() if self.engine.clocks_run() else None
+
     def _expect(self, elapsed_ns: int) -> None:
         """Wake the tasks if so much time can change what they do."""
-        within = self.memory.time_matters_in_ns()
+        within = self._time_matters_in_ns()
         if within is not None:
             for state in self._tasks:
                 state.still = False
@@ -229,27 +234,27 @@ class Resource:
         for state in self._tasks:
             state.quiet = state.still = False
 
-    def is_quiet(self, elapsed_counts: bool = True) -> bool:
+    def is_quiet(self, but_for_elapsed: bool = False) -> bool:
         """Whether scans at later releases would change nothing while the inputs stay as they are.
 
         So it is when every task's last scan changed no byte, nobody else has changed one since,
         and no clock that the program reads runs. In STOP and FAULT nothing runs.
 
         Args:
-            elapsed_counts: whether elapsed times that the program does not read count. If not, a
-                clock of which it sees only the expiry may run; it matters at `matters_again_ns`.
+            but_for_elapsed: leave elapsed times that the program does not read aside: clocks of
+                which it sees only the expiry may run; they matter at `matters_again_ns`.
         """
         if self.state is not State.RUN:
             return True
         if bytes(self.memory.block) != self._left:
             return False
-        if elapsed_counts:
-            return all(s.still for s in self._tasks) and self.memory.time_matters_in_ns() is None
-        return all(s.quiet for s in self._tasks) and self.memory.time_matters_in_ns() != 0
+        if but_for_elapsed:
+            return all(s.quiet for s in self._tasks) and self._time_matters_in_ns() != 0
+        return all(s.still for s in self._tasks) and self._time_matters_in_ns() is None
 
     def matters_again_ns(self) -> int | None:
         """Return when the passing of time alone changes what scans do; None for never."""
-        within = self.memory.time_matters_in_ns() if self.state is State.RUN else None
+        within = self._time_matters_in_ns() if self.state is State.RUN else None
         return None if within is None or self._last_ns is None else self._last_ns + within
 
     def last_of_each_ns(self, first_ns: int, before_ns: int) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from plcemu.base.errors import PlcemuError
-from plcemu.engine.interpreter import Code, Engine
+from plcemu.engine.engines import Code, Engine
 from plcemu.engine.releases import Releases
 from plcemu.engine.statistics import TaskStatistics
 from plcemu.ir.program import Event, Instance, Program, Task

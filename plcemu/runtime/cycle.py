@@ -201,15 +201,18 @@ class Cycle:
         before the limit is never passed over, so that all clocks stand right in the end.
         """
         resource = self.resource
-        elapsed_counts = bool(self.observers) or self._elapsed_judged
-        if self.exchange.waiting or not resource.is_quiet(elapsed_counts):
+        if self.exchange.waiting:
+            return
+        only_elapsed = not resource.is_quiet()
+        if only_elapsed and (self.observers or self._elapsed_judged
+                             or not resource.is_quiet(but_for_elapsed=True)):
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),
                  self.plant.next_event_ns() if self.plant is not None else None]
         target = resource.first_release_ns(min(w for w in wakes if w is not None))
         if target >= limit_ns:
             target = resource.last_release_ns(limit_ns)
-        if target > self.t_ns and not elapsed_counts:
+        if target > self.t_ns and only_elapsed:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
             skipped = resource.releases_between(self.t_ns, target)

@@ -15,7 +15,7 @@ from plant_sim.registry import PlantLoadError, load
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
-from plcemu.engine.interpreter import ENGINES
+from plcemu.engine.engines import ENGINES
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
