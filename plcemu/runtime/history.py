@@ -272,7 +272,8 @@ def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
 def _pass_over(cycle: Cycle, scan: int) -> None:
     """Move to a scan, over those before it at which nothing could change, plant and all."""
     resource, t_ns, missing = cycle.resource, cycle.t_ns, scan - cycle.scan_number
-    if len(resource.tasks) == 1:
+    tasks = resource.tasks
+    if len(tasks) == 1 and not (tasks[0].event and tasks[0].interval_ns):
         step = resource.first_release_ns(t_ns + 1) - t_ns
         t_ns += step * missing
     else:
