@@ -205,6 +205,7 @@ class Config(Section):
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
+    sipn_single_firing: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
