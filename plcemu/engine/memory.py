@@ -95,6 +95,15 @@ class Memory:
         self._shown = now
         return tuple((i, self.read(i)) for i in sorted(found))
 
+    @property
+    def shown(self) -> bytes:
+        """The block as `values` or `changes` last told it; set to tell from there on."""
+        return self._shown
+
+    @shown.setter
+    def shown(self, block: bytes) -> None:
+        self._shown = block
+
     def time_matters_in_ns(self) -> int | None:
         """Return how much time may pass before that alone can change what a scan does.
 

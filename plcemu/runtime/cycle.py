@@ -9,20 +9,57 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import accumulate
+from typing import Protocol
 
 from plcemu.base.errors import PlcemuError
 from plcemu.base.tags import TagTable
 from plcemu.base.time import Clock
 from plcemu.base.trace import Change, Frame, Observer
 from plcemu.base.types import Value
+from plcemu.engine.resource import Checkpoint as ResourceCheckpoint
 from plcemu.engine.resource import Resource
+from plcemu.io.exchange import Checkpoint as ExchangeCheckpoint
 from plcemu.io.exchange import Exchange
 from plcemu.monitor import Suite
 from plcemu.monitor.formula import tag_refs
 from plcemu.monitor.parse import Property
+from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.status import CycleCounters, Source, StateTags, TaskTags, VerdictTags
+
+
+class Recorder(Protocol):
+    """Who is asked before and after every lap; it only looks."""
+
+    def before_lap(self) -> None:
+        """The writes for the lap wait; nothing has been latched."""
+
+    def after_lap(self) -> None:
+        """The lap is over, and the next release is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """The whole state of a cycle between two laps, but for the writes of clients that wait.
+
+    Attributes:
+        place: `t_ns`, `now_ns` and `scan_number` of the cycle.
+        shown: what the last frame told: memory, then the other tags by source; None before it.
+        counters: the attributes of the counters that are numbers.
+        scans: how many each task has made.
+        suite: the monitors.
+    """
+
+    place: tuple[int, int, int]
+    shown: tuple[bytes, tuple[tuple[Value, ...], ...]] | None
+    counters: dict[str, int]
+    scans: tuple[int, ...]
+    resource: ResourceCheckpoint
+    exchange: ExchangeCheckpoint
+    plant: PlantCheckpoint | None
+    suite: Suite
 
 
 class Cycle:
@@ -62,6 +99,7 @@ class Cycle:
         self._verdicts = VerdictTags(properties)
         own: list[Source] = [self.counters, StateTags(resource), self._task_tags]
         self._sources: list[Source] = [plant, *own] if plant is not None else own
+        self.recorder: Recorder | None = None
         every: list[Source] = [*self._sources, self._verdicts]
         self._last: list[Sequence[Value]] = [() for _ in every]
         lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
@@ -137,6 +175,8 @@ class Cycle:
 
     def _phases(self, now_ns: Callable[[], int] | None) -> None:
         t_ns = self.t_ns
+        if self.recorder is not None:
+            self.recorder.before_lap()
         if self.plant is not None:
             self.plant.before_scan(t_ns)
         if self.exchange.waiting:
@@ -150,6 +190,8 @@ class Cycle:
         self.counters.laps += 1
         self.scan_number += 1
         self.now_ns = self.t_ns = self.resource.first_release_ns(t_ns + 1)
+        if self.recorder is not None:
+            self.recorder.after_lap()
 
     def _show(self, t_ns: int) -> None:
         """Make the frame of this lap; the monitors judge it first, their verdicts join it."""
@@ -189,6 +231,41 @@ class Cycle:
         return [(base + i, new) for i, new in enumerate(now)
                 if i >= len(before) or before[i] != new]
 
+    # ------------------------------------------------------------ checkpoints
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the whole state, but for the writes of clients that wait."""
+        memory = self.resource.memory
+        shown = (memory.shown, tuple(tuple(v) for v in self._last)) if self._started else None
+        return Checkpoint(
+            (self.t_ns, self.now_ns, self.scan_number), shown, self.counters.numbers(),
+            tuple(each.scans for each in self.resource.statistics), self.resource.checkpoint(),
+            self.exchange.checkpoint(),
+            self.plant.checkpoint() if self.plant is not None else None, self.suite.copy())
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up a checkpoint of an equal cycle; writes that wait are forgotten."""
+        self.t_ns, self.now_ns, self.scan_number = point.place
+        self.resource.return_to(point.resource)
+        self.exchange.return_to(point.exchange)
+        if self.plant is not None and point.plant is not None:
+            self.plant.return_to(point.plant)
+        for name, number in point.counters.items():
+            setattr(self.counters, name, number)
+        for each, scans in zip(self.resource.statistics, point.scans, strict=True):
+            each.scans = scans
+        self.suite = self._verdicts.suite = point.suite.copy()
+        self.tell_all()
+        if point.shown is not None:
+            self._started = True
+            self.resource.memory.shown = point.shown[0]
+            self._last = [list(values) for values in point.shown[1]]
+
+    def tell_all(self) -> None:
+        """Let the next frame hold every tag, as the first one does."""
+        self._started = False
+        self._last = [() for _ in self._last]
+
     # ------------------------------------------------------------ jumping
 
     def skip_idle(self, limit_ns: int) -> None:
@@ -204,7 +281,7 @@ class Cycle:
         if self.exchange.waiting:
             return
         only_elapsed = not resource.is_quiet()
-        if only_elapsed and (self.observers or self._elapsed_judged
+        if only_elapsed and (self.observers or self.recorder or self._elapsed_judged
                              or not resource.is_quiet(but_for_elapsed=True)):
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),

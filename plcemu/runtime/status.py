@@ -8,7 +8,7 @@ nothing is measured, not at all.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 from plcemu.base.tags import Tag
@@ -82,6 +82,10 @@ class CycleCounters:
     def values(self) -> Sequence[Value]:
         """Return the values of the tags."""
         return (self.overruns, self.missed)
+
+    def numbers(self) -> dict[str, int]:
+        """Return everything counted, by attribute."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tags"}
 
 
 _COUNTS = {"scans": "runs of the task", "overruns": "laps that made it miss releases",
