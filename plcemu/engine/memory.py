@@ -139,16 +139,17 @@ def _without(image: bytes, cells: Sequence[int]) -> bytes:
     return bytes(blank)
 
 
-def differing_bytes(before: bytes, after: bytes, chunk: int = 1024) -> list[int]:
+def differing_bytes(before: bytes, after: bytes) -> list[int]:
     """Return the offsets at which two blocks of equal length differ.
 
-    Whole chunks are compared at once, and of those that differ smaller and smaller parts.
+    Whole chunks are compared at once, and of those that differ smaller ones.
     """
-    if chunk < 16:
-        return [i for i, (x, y) in enumerate(zip(before, after, strict=True)) if x != y]
     found: list[int] = []
-    for start in range(0, len(after), chunk):
-        a, b = before[start:start + chunk], after[start:start + chunk]
-        if a != b:
-            found += [start + i for i in differing_bytes(a, b, chunk // 8)]
+    for large in range(0, len(after), 256):
+        if before[large:large + 256] != after[large:large + 256]:
+            for start in range(large, min(large + 256, len(after)), 16):
+                a, b = before[start:start + 16], after[start:start + 16]
+                if a != b:
+                    found += [i for i, (x, y) in enumerate(zip(a, b, strict=True), start)
+                              if x != y]
     return found

@@ -208,7 +208,10 @@ class Exchange:
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
+        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
         self._last_raw: list[bytes] = [b""] * len(self._extents)
+        self.output_changes = 0
+        """A number that rises whenever the image of an output area may have changed."""
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
         self.update_outputs()
@@ -276,14 +279,13 @@ class Exchange:
             begin += len(image)
         self._forces = dict(point.forces)
         self._last_raw = [b""] * len(self._extents)
+        self.output_changes += 1
 
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""
         self.writers = set()
         if self._queue:
             waiting, self._queue = self._queue, []
-            # The image will hold what clients wrote, no longer what was published last.
-            self._last_raw = [b""] * len(self._extents)
             for write in waiting:
                 self._latch(write)
                 if write.area[0] == "I":
@@ -299,6 +301,11 @@ class Exchange:
         if write.area == MEMORY:
             _merge(self._memory, write.offset, write.data, write.mask)
             return
+        # The image will hold what clients wrote, no longer what was published last.
+        for i, extent in enumerate(self._extents):
+            if extent.area == write.area:
+                self._last_raw[i] = b""
+        self.output_changes += write.area[0] == "Q"
         image, end = self._image[write.area], write.offset + len(write.data)
         parts = [part for extent in self._by_area.get(write.area, ())
                  if (part := extent.part(write.offset, end)) is not None]
@@ -311,11 +318,14 @@ class Exchange:
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""
         self._apply_forces()
-        for i, extent in enumerate(self._extents):
-            raw = bytes(self._memory[extent.memory_slice])
-            if raw != self._last_raw[i]:
-                self._last_raw[i] = raw
-                self._image[extent.area][extent.image_slice] = extent.to_image(raw)
+        memory, last_raw = self._memory, self._last_raw
+        for i, (in_memory, in_image, image) in enumerate(self._places):
+            raw = bytes(memory[in_memory])
+            if raw != last_raw[i]:
+                last_raw[i] = raw
+                extent = self._extents[i]
+                image[in_image] = extent.to_image(raw)
+                self.output_changes += extent.area[0] == "Q"
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():

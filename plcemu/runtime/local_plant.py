@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
@@ -55,9 +55,8 @@ class LocalPlant:
                      for p in self._sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
-        self._output_places = [p.image_place() for p in coupling.outputs]
-        self._taken: list[bytes] = []
-        self._values: list[Value] = self._read()
+        self._taken = -1
+        self._values: list[Value] = self._read(plant.sense())
         self._event_ns = coupling.next_event_ns()
 
     def values(self) -> list[Value]:
@@ -77,7 +76,7 @@ class LocalPlant:
         if self._event_ns is not None and t_ns >= self._event_ns:
             self._refresh()
         elif self._written[:1] == [None]:
-            self._write()
+            self._write(self.coupling.plant.sense())
 
     def after_scan(self) -> None:
         """Let the plant follow the published outputs; note a take-over by a client."""
@@ -90,12 +89,9 @@ class LocalPlant:
             _LOG.warning("%s writes the plant's inputs: the plant in this process steps aside",
                          ", ".join(sorted(others)))
             return
-        published = [self._exchange.published(*place) for place in self._output_places]
-        if published != self._taken:
-            self._taken = published
-            raw = [p.from_image(data)
-                   for p, data in zip(self.coupling.outputs, published, strict=True)]
-            if self.coupling.take_outputs(raw):
+        if self._exchange.output_changes != self._taken:
+            self._taken = self._exchange.output_changes
+            if self.coupling.take_outputs(self._published(self.coupling.outputs)):
                 self._refresh()
 
     def checkpoint(self) -> Checkpoint:
@@ -106,7 +102,7 @@ class LocalPlant:
     def return_to(self, point: Checkpoint) -> None:
         """Take up the state of a checkpoint, after the exchange has returned to its own."""
         self.coupling.return_to(point.coupling)
-        self._taken = []
+        self._taken = -1
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
         self._written, self._values = list(point.written), list(point.values)
         for write in point.pending:
@@ -120,18 +116,19 @@ class LocalPlant:
         return self._event_ns
 
     def _refresh(self) -> None:
-        self._values = self._read()
-        self._write()
+        sensed = self.coupling.plant.sense()
+        self._values = self._read(sensed)
+        self._write(sensed)
         self._event_ns = self.coupling.next_event_ns()
 
-    def _write(self) -> None:
-        for n, (point, raw) in enumerate(zip(self.coupling.inputs, self.coupling.give_inputs(),
-                                             strict=True)):
+    def _write(self, sensed: Mapping[str, bool | int | float]) -> None:
+        for n, (point, raw) in enumerate(zip(self.coupling.inputs,
+                                             self.coupling.give_inputs(sensed), strict=True)):
             if raw != self._written[n]:
                 self._written[n] = raw
                 self._port.write(*point.image_write(raw))
 
-    def _read(self) -> list[Value]:
-        plant = self.coupling.plant
-        sensed, facts = plant.sense(), plant.observe()
-        return [*(sensed[p.name] for p in self._sensors), *(facts[f.name] for f in plant.facts)]
+    def _read(self, sensed: Mapping[str, bool | int | float]) -> list[Value]:
+        facts = self.coupling.plant.observe()
+        return [*(sensed[p.name] for p in self._sensors),
+                *(facts[f.name] for f in self.coupling.plant.facts)]
