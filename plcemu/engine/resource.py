@@ -6,7 +6,7 @@ Knows no clock: it is told the instant of each release and runs what is due.
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -37,6 +37,11 @@ class Engine(Protocol):
 
 ENGINES = ("auto", "interpreter")
 """The engines to choose from; `auto` is the fastest that this platform has."""
+
+
+Probe = Callable[[Task, Sequence[tuple[str, int]], Callable[[], None]], None]
+"""Runs a task: takes it, its functions with the addresses of their instances, and what the engine
+would do; raises `ProgramFault`."""
 
 
 class Checkpoint(NamedTuple):
@@ -98,6 +103,9 @@ class Resource:
         self.fault: ProgramFault | None = None
         self._tasks = self._prepare(program, tasks or program.tasks, cycle_ns)
         self._safe = self._safe_places(safe_outputs or {})
+        self.budget = budget
+        self.probe: Probe | None = None
+        """Who is asked to run the tasks instead, such as a debugger; None for nobody."""
         self._last_ns: int | None = None
         self._left = bytes(self.memory.block)
 
@@ -223,8 +231,10 @@ class Resource:
     def _run(self, state: _TaskState, t_ns: int) -> bool:
         before = bytes(self.memory.block)
         try:
-            for function, base in state.runs:
-                self.engine.run(function, base)
+            if self.probe is None:
+                self._run_code(state)
+            else:
+                self.probe(state.task, state.runs, lambda: self._run_code(state))
         except ProgramFault as fault:
             self.fault = ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
                                       place=fault.place, t_ns=t_ns)
@@ -236,6 +246,10 @@ class Resource:
         else:
             state.quiet = True
         return True
+
+    def _run_code(self, state: _TaskState) -> None:
+        for function, base in state.runs:
+            self.engine.run(function, base)
 
     def _wake(self) -> None:
         for state in self._tasks:
