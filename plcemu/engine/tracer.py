@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from plcemu.base.errors import ProgramFault
 from plcemu.base.spans import Span
 from plcemu.base.types import Value
-from plcemu.engine.interpreter import BUDGET, Interpreter
+from plcemu.engine.interpreter import BUDGET, OUTSIDE, OUTSIDE_ERRORS, Interpreter
 from plcemu.engine.memory import Memory
 from plcemu.ir.builtins import BUILTINS, STRING_HEAD
 from plcemu.ir.ops import SIZES, Fault
@@ -226,10 +226,14 @@ class Tracer(Interpreter):
         try:
             frame.pc = frame.steps[frame.pc](stack, frame.local, frame.this)
         except Fault as fault:
-            function = frame.function
-            span = next((i.span for i in reversed(function.code[:frame.pc + 1]) if i.span), None)
-            return ProgramFault(str(fault), pou=function.pou, place=str(span or ""))
+            return self._failure(frame, str(fault))
+        except OUTSIDE_ERRORS:
+            return self._failure(frame, OUTSIDE)
         return None
+
+    @staticmethod
+    def _failure(frame: _Frame, reason: str) -> ProgramFault:
+        return ProgramFault(reason, pou=frame.function.pou, place=frame.function.place(frame.pc))
 
     def _touched(self, instr: Instr, stack: list[Any], this: int) -> _Touched:
         """Return what an instruction will touch, by its argument and the stack before it."""

@@ -26,6 +26,7 @@ from plcemu.base.errors import (
 from plcemu.base.spans import Diagnostic, Span
 from plcemu.base.time import DurationError, parse_duration_ns
 from plcemu.base.types import Value
+from plcemu.engine.engines import Code
 from plcemu.engine.resource import State
 from plcemu.engine.tracer import Event, Tracer
 from plcemu.ir.program import Task
@@ -152,21 +153,22 @@ class Debugger:
 
     # ------------------------------------------------------------ executing
 
-    def _probe(self, task: Task, runs: Sequence[tuple[str, int]], run: Callable[[], None]) -> None:
+    def _probe(self, task: Task, code: Code) -> None:
         """Run a task; if its scan is looked into, run it again from the same memory, traced."""
         block = self.cycle.resource.memory.block
         before = bytes(block)
         failed: ProgramFault | None = None
         try:
-            run()
+            code.run()
         except ProgramFault as fault:
             failed = fault
         if self._wanted or failed or self._differ(before, bytes(block)):
             block[:] = before
             assert self._tracing is not None
             self._tracing.images.append((len(self._tracing.events), before))
-            self._tracing.events.extend(
-                self._tracer.events(runs, task.name, self.cycle.resource.budget))
+            instances = [self.cycle.resource.program.instance(name) for name in task.programs]
+            self._tracing.events.extend(self._tracer.events(
+                [(i.function, i.base) for i in instances], task.name, code.budget))
         elif failed:
             raise failed
 

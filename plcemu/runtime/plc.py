@@ -22,17 +22,19 @@ from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryErro
 
 
 def compile(source: str | Path | Iterable[str | Path], *,
-            final_scan: bool = False) -> Program:
+            final_scan: bool = False, single_firing: bool = False) -> Program:
     """Compile a program text, a file or several files.
 
     Args:
         source: what to compile.
         final_scan: whether the actions of charts run once more in the scan in which they end.
+        single_firing: whether Signal Interpreted Petri Nets fire once in a scan, instead of until
+            they are stable.
 
     Raises:
         CompileError: with every mistake in `diagnostics`.
     """
-    return compile_program(source, final_scan=final_scan)
+    return compile_program(source, final_scan=final_scan, single_firing=single_firing)
 
 
 def make_exchange(resource: Resource) -> Exchange:

@@ -30,7 +30,7 @@ class Run:
 
     def __init__(self, text, **values):
         self.program = compile_program(text)
-        self.memory = Memory(self.program.layout)
+        self.memory = Memory(self.program.layout, bytearray(self.program.layout.initial))
         for name, value in values.items():
             offset, row = self.memory.place(self.memory.tags.find(name))
             self.memory.block[offset:offset + row.size] = row.pack(value)

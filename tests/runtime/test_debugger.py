@@ -32,9 +32,14 @@ END_PROGRAM
 """
 
 
+@pytest.fixture(scope="module")
+def program():
+    return plcemu.compile(TEXT)
+
+
 @pytest.fixture
-def plc():
-    return plcemu.Plc(TEXT, record=True)
+def plc(program):
+    return plcemu.Plc(program, record=True)
 
 
 @pytest.fixture
@@ -170,7 +175,7 @@ def test_the_trace_tells_what_wrote_a_tag(debugger):
 @given(programs, journeys)
 @settings(max_examples=30, deadline=None)
 def test_a_debugged_plc_does_what_an_undisturbed_one_does(program, way):
-    plc, twin = plcemu.Plc(program, record=True), plcemu.Plc(program, record=True)
+    plc, twin = (plcemu.Plc(program, engine="interpreter", record=True) for _ in range(2))
     debugger = plc.debug()
     debugger.break_at("MAIN")
     do(plc, way)
