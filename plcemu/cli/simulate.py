@@ -13,11 +13,13 @@ from plcemu.base.trace import Trace
 from plcemu.base.tracefile import FORMATS, save
 from plcemu.cli.output import (
     add_config_arguments,
+    add_scenario_arguments,
     console,
     duration,
     failed,
     print_json,
     print_report,
+    scenario_of,
     show_warnings,
 )
 from plcemu.runtime.config import load_config
@@ -26,8 +28,9 @@ from plcemu.runtime.system import System
 
 NAME = "simulate"
 HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
-EPILOG = """example:
-  plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd"""
+EPILOG = """examples:
+  plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd
+  plcemu simulate il_programs/batch_plant --fault 'V8 stuck at 100s' --until 4000s"""
 
 LAPS_SHOWN = 100
 """Laps between two looks at the progress bar, which cost more than a lap."""
@@ -36,6 +39,9 @@ LAPS_SHOWN = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     add_config_arguments(parser)
+    add_scenario_arguments(parser)
+    parser.add_argument("--no-plant", action="store_true",
+                        help="run the PLC alone; inputs come from a scenario only")
     parser.add_argument("--until", required=True, metavar="DURATION", type=duration,
                         help="how long to run, in the PLC's time, such as 10h or 3600s")
     parser.add_argument("--trace", metavar="FILE", type=Path,
@@ -49,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Simulate, and return 1 if a property is violated or the program faults."""
     _check_files(arguments.trace, arguments.report)
-    system = System(load_config(arguments.config, arguments.overrides))
+    system = System(load_config(arguments.config, arguments.overrides),
+                    with_plant=not arguments.no_plant, scenario=scenario_of(arguments))
     if not arguments.json:
         show_warnings(system.warnings)
     trace = None

@@ -36,6 +36,16 @@ class Source(Protocol):
         """Their present values."""
 
 
+class Stimulus(Protocol):
+    """Writes from outside at set instants."""
+
+    def before_scan(self, t_ns: int) -> None:
+        """Queue what is due at a lap."""
+
+    def next_event_ns(self) -> int | None:
+        """Return when the next write is due, if there is one."""
+
+
 @dataclass(slots=True)
 class CycleCounters:
     """What the cycle counts.
@@ -96,6 +106,7 @@ class Cycle:
         PlcemuError: two tags have one name.
 
     Attributes:
+        player: of a scenario, or None.
         t_ns: the next release.
         now_ns: how far the run has come.
         scan_number: of the next scan.
@@ -106,6 +117,7 @@ class Cycle:
         self.resource = resource
         self.exchange = exchange
         self.plant = plant
+        self.player: Stimulus | None = None
         self.counters = CycleCounters()
         self.t_ns = resource.first_release_ns(0)
         self.now_ns = 0
@@ -145,6 +157,8 @@ class Cycle:
         t_ns = self.t_ns
         if self.plant is not None:
             self.plant.before_scan(t_ns)
+        if self.player is not None:
+            self.player.before_scan(t_ns)
         if self.exchange.waiting:
             self.resource.inputs_changed()
         self.exchange.update_inputs()
@@ -199,7 +213,8 @@ class Cycle:
         if not self.resource.is_quiet() or self.exchange.waiting:
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(),
-                 self.plant.next_event_ns() if self.plant is not None else None]
+                 self.plant.next_event_ns() if self.plant is not None else None,
+                 self.player.next_event_ns() if self.player is not None else None]
         target = self.resource.first_release_ns(min(w for w in wakes if w is not None))
         if target >= limit_ns:
             target = self.resource.last_release_ns(limit_ns)
