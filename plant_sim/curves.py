@@ -208,6 +208,34 @@ class Approach:
         return self.target > x
 
 
+@dataclass(frozen=True, slots=True)
+class Caught:
+    """What another quantity gives away by `Torricelli`: x' = share * k * sqrt(source).
+
+    `source` is the other's value where this law begins; so the law is anchored where it is made.
+    """
+
+    share: float
+    outflow: Torricelli
+    source: float
+
+    def curve(self, value: Any, t0_ns: int) -> Curve:
+        """The curve from a value at an instant."""
+        return _ClosedForm(self, float(value), t0_ns)
+
+    def after(self, x: float, s: float) -> float:
+        """The value `s` seconds after it was `x`."""
+        return x + self.share * (self.source - self.outflow.after(self.source, s))
+
+    def until(self, x: float, level: float) -> float:
+        """Seconds from `x` to a level, infinite if it is never reached."""
+        return self.outflow.until(self.source, self.source - (level - x) / self.share)
+
+    def rises(self, x: float) -> bool:
+        """Whether the value rises from `x`."""
+        return self.share > 0
+
+
 # Finding instants
 
 
