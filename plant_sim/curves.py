@@ -167,8 +167,8 @@ class Torricelli:
 
     def after(self, x: float, s: float) -> float:
         """The value `s` seconds after it was `x`."""
-        root, fall = math.sqrt(max(x, 0.0)), self.k * s
-        return max(x - fall * (root - fall / 4), 0.0) if fall < 2 * root else 0.0
+        root = math.sqrt(max(x, 0.0)) - self.k * s / 2
+        return min(root * root, x) if root > 0 else 0.0
 
     def until(self, x: float, level: float) -> float:
         """Seconds from `x` to a level, infinite if it is never reached."""

@@ -217,6 +217,7 @@ class Config(Section):
     modbus: ModbusSection = ModbusSection()
     plant: PlantSection | None = None
     properties: Texts = []
+    plot: dict[str, Texts] = {}
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
