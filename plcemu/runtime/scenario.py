@@ -294,6 +294,9 @@ class Player:
         plant: the plant in this process, whose disturbances are no tags of the PLC.
         driven: addresses that this plant drives, which a scenario cannot write.
 
+    Attributes:
+        played: steps played so far.
+
     Raises:
         ConfigError: there is no such tag, or it cannot have the value.
     """
@@ -309,7 +312,7 @@ class Player:
                        for step in scenario.steps]
         self._steps = [(step, sets) for step, sets in self._steps
                        if sets or step.forces or step.unforces]
-        self._done = 0
+        self.played = 0
         problems = [problem for step, sets in self._steps
                     for problem in self._problems(step, sets, driven or {})]
         if problems:
@@ -337,13 +340,13 @@ class Player:
 
     def next_event_ns(self) -> int | None:
         """Return when the next step is due, if there is one."""
-        return self._steps[self._done][0].t_ns if self._done < len(self._steps) else None
+        return self._steps[self.played][0].t_ns if self.played < len(self._steps) else None
 
     def before_scan(self, t_ns: int) -> None:
         """Queue what is due at a lap."""
-        while self._done < len(self._steps) and self._steps[self._done][0].t_ns <= t_ns:
-            step, sets = self._steps[self._done]
-            self._done += 1
+        while self.played < len(self._steps) and self._steps[self.played][0].t_ns <= t_ns:
+            step, sets = self._steps[self.played]
+            self.played += 1
             for name, value in sets:
                 self._access.write(name, value)
             for name, value in step.forces:
