@@ -210,8 +210,6 @@ class Exchange:
         self._forces: dict[int, bytes] = {}
         self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
         self._last_raw: list[bytes] = [b""] * len(self._extents)
-        self.output_changes = 0
-        """A number that rises whenever the image of an output area may have changed."""
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
         self.update_outputs()
@@ -279,7 +277,6 @@ class Exchange:
             begin += len(image)
         self._forces = dict(point.forces)
         self._last_raw = [b""] * len(self._extents)
-        self.output_changes += 1
 
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""
@@ -305,7 +302,6 @@ class Exchange:
         for i, extent in enumerate(self._extents):
             if extent.area == write.area:
                 self._last_raw[i] = b""
-        self.output_changes += write.area[0] == "Q"
         image, end = self._image[write.area], write.offset + len(write.data)
         parts = [part for extent in self._by_area.get(write.area, ())
                  if (part := extent.part(write.offset, end)) is not None]
@@ -323,9 +319,7 @@ class Exchange:
             raw = bytes(memory[in_memory])
             if raw != last_raw[i]:
                 last_raw[i] = raw
-                extent = self._extents[i]
-                image[in_image] = extent.to_image(raw)
-                self.output_changes += extent.area[0] == "Q"
+                image[in_image] = self._extents[i].to_image(raw)
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():
