@@ -21,7 +21,7 @@ from plcemu.runtime.clock import RealClock
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.plc import make_exchange
 
-LAPS, ROUNDS = 2000, 9
+LAPS, ROUNDS = 20, 500
 
 
 class Idle:

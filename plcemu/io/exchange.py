@@ -11,6 +11,7 @@ conversion happens here, once a scan, and only where something changed.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -95,10 +96,13 @@ def _swapped(data: bytes, width: int) -> bytes:
     """Reverse the bytes of every element of `width` bytes."""
     if width == 1:
         return bytes(data)
-    out = bytearray(len(data))
-    for i in range(width):
-        out[i::width] = data[width - 1 - i::width]
-    return bytes(out)
+    elements = array(_CODES[width], data)
+    elements.byteswap()
+    return elements.tobytes()
+
+
+_CODES = {array(code).itemsize: code for code in "HIQ"}
+"""Type codes of arrays by the bytes of an element."""
 
 
 class Waiting(NamedTuple):
