@@ -7,27 +7,18 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NoReturn
 
-from plcemu.base.errors import LimitError, PlcemuError, ProgramFault
+from plcemu.base.errors import LimitError, ProgramFault
+from plcemu.engine import native
 from plcemu.engine.interpreter import BUDGET, OUTSIDE
 from plcemu.engine.wat import COMPLETED, RUN_ROOM, Translated, translate_program
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import VALUE_OPS, Fault, distance, overrun
 from plcemu.ir.program import Block, Program
 
-try:
-    from plcemu.engine import native
-except (ImportError, OSError) as _problem:
-    native = None  # type: ignore[assignment]
-    _missing = str(_problem)
-
 _RUN = struct.Struct("<II")
 _COUNT = struct.Struct("<Q")
 _NO_END = (1 << 64) - 1
 """More time than any clock cell can take."""
-
-
-class NoWebAssembly(PlcemuError):
-    """This platform cannot run WebAssembly."""
 
 
 @lru_cache(maxsize=8)
@@ -44,17 +35,11 @@ class WasmEngine:
         program: the compiled program.
         budget: see `plcemu.engine.interpreter.BUDGET`.
         direct: whether to use wasmtime's fast calls where it has them.
-
-    Raises:
-        NoWebAssembly: wasmtime cannot be imported here.
     """
 
     name = "wasm"
 
     def __init__(self, program: Program, budget: int = BUDGET, direct: bool = True) -> None:
-        if native is None:
-            raise NoWebAssembly(f"the engine 'wasm' needs the package wasmtime, which cannot be "
-                                f"imported here ({_missing}); choose 'auto' or 'interpreter'")
         self._program = program
         self._budget = budget
         self._translated, module = _compiled(program)
@@ -89,8 +74,7 @@ class WasmEngine:
         """
         start, end = self._list(tuple(runs))
         budget = self._budget if budget is None else budget
-        return WasmCode(self._machine.entry("repeat", [start, end, 1, 0, budget]), budget,
-                        self._head, self._stop)
+        return WasmCode(self._machine, (start, end), budget, self._head, self._stop)
 
     def _list(self, runs: tuple[tuple[str, int], ...]) -> tuple[int, int]:
         if runs not in self._lists:
@@ -120,7 +104,7 @@ class WasmEngine:
         cause = stopped.cause
         if cause is None:
             raise ProgramFault(_TRAPS.get(str(stopped), str(stopped))) from None
-        if site is None or not isinstance(cause, (Fault, *_OUTSIDE_ERRORS)):
+        if site is None or not isinstance(cause, Fault | struct.error | IndexError | ValueError):
             raise cause
         function, at = self._translated.sites[site]
         code = self._program.functions[function]
@@ -128,7 +112,6 @@ class WasmEngine:
         raise ProgramFault(reason, pou=code.pou, place=code.place(at)) from None
 
 
-_OUTSIDE_ERRORS = (struct.error, IndexError, ValueError)
 _TRAPS = {"MEMORY_OUT_OF_BOUNDS": OUTSIDE, "UNREACHABLE": OUTSIDE,
           "STACK_OVERFLOW": "the calls nest too deeply"}
 
@@ -136,13 +119,15 @@ _TRAPS = {"MEMORY_OUT_OF_BOUNDS": OUTSIDE, "UNREACHABLE": OUTSIDE,
 class WasmCode:
     """Functions on their instances, ready to run; see `plcemu.engine.engines.Code`."""
 
-    __slots__ = ("_budget", "_count", "_elapsed", "_entry", "_head", "_stop")
+    __slots__ = ("_budget", "_head", "_many", "_once", "_run", "_stop")
 
-    def __init__(self, entry: native.Entry, budget: int, head: memoryview,
-                 stop: Callable[[native.Stopped], NoReturn]) -> None:
-        self._entry, self._head, self._stop = entry, head, stop
+    def __init__(self, machine: native.Machine, runs: tuple[int, int], budget: int,
+                 head: memoryview, stop: Callable[[native.Stopped], NoReturn]) -> None:
+        self._head, self._stop = head, stop
         self._budget = budget
-        self._count, self._elapsed = 1, 0
+        self._once = machine.entry("repeat", [*runs, 1, 0, budget])
+        self._many = machine.entry("repeat", [*runs, 1, 0, budget])
+        self._run = self._once.call
 
     @property
     def budget(self) -> int:
@@ -152,7 +137,8 @@ class WasmCode:
     @budget.setter
     def budget(self, budget: int) -> None:
         self._budget = budget
-        self._entry.set(4, budget)
+        for entry in (self._once, self._many):
+            entry.set(4, budget)
 
     @property
     def completed(self) -> int:
@@ -162,16 +148,17 @@ class WasmCode:
 
     def run(self) -> None:
         """Run it once; raises `ProgramFault`."""
-        self.repeat(1, 0)
+        try:
+            self._run()
+        except native.Stopped as stopped:
+            self._stop(stopped)
 
     def repeat(self, count: int, elapsed_ns: int) -> None:
         """So many times: let time pass for the clock cells, then run; raises `ProgramFault`."""
-        if (count, elapsed_ns) != (self._count, self._elapsed):
-            self._count, self._elapsed = count, elapsed_ns
-            self._entry.set(2, count)
-            self._entry.set(3, min(elapsed_ns, _NO_END))
+        self._many.set(2, count)
+        self._many.set(3, min(elapsed_ns, _NO_END))
         try:
-            self._entry.call()
+            self._many.call()
         except native.Stopped as stopped:
             self._stop(stopped)
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from plcemu.engine.native import KINDS
 from plcemu.engine.wat_code import FunctionWriter
-from plcemu.engine.wat_ops import Helpers
+from plcemu.engine.wat_ops import KINDS, Helpers
 from plcemu.ir.program import Program
 
 PAGE = 65536

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from plcemu.engine.native import KINDS
 from plcemu.engine.wat_flow import JUMPS, flow_of
-from plcemu.engine.wat_ops import Helpers, Value, plain, translate
+from plcemu.engine.wat_ops import KINDS, Helpers, Value, plain, translate
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import FLOATS, SIZES, VALUE_OPS
 from plcemu.ir.program import Function, Instr

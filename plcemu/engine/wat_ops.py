@@ -13,8 +13,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from plcemu.engine.native import KINDS
 from plcemu.ir.ops import FLOATS, INTEGERS, VALUE_OPS
+
+KINDS = {**dict.fromkeys(("bool", "i8", "i16", "i32", "u8", "u16", "u32"), "i32"),
+         "i64": "i64", "u64": "i64", "f32": "f32", "f64": "f64"}
+"""The WebAssembly type that holds a value of each machine type."""
 
 
 @dataclass(slots=True)
