@@ -79,12 +79,16 @@ def _interpreter(program: Program, budget: int) -> Engine:
 def _wasm(program: Program, budget: int) -> Engine:
     try:
         # Not before it is needed: it takes a tenth of a second, and may be missing.
-        from plcemu.engine.wasm import WasmEngine
+        from plcemu.engine.wasm import Unavailable, WasmEngine
     except (ImportError, OSError) as problem:
         raise NoWebAssembly(
             "the engine 'wasm' needs the package wasmtime, which cannot be imported here "
             f"({problem}); choose 'auto' or 'interpreter'") from None
-    return WasmEngine(program, budget)
+    try:
+        return WasmEngine(program, budget)
+    except Unavailable as problem:
+        raise NoWebAssembly(f"the engine 'wasm' cannot start here ({problem}); choose 'auto' or "
+                            "'interpreter'") from None
 
 
 def _fastest(program: Program, budget: int) -> Engine:

@@ -46,6 +46,10 @@ class Host:
     fn: Callable[..., Any]
 
 
+class Unavailable(Exception):
+    """wasmtime finds no room here: it reserves 4 GiB of addresses, not of memory, for each."""
+
+
 class Stopped(Exception):
     """The code stopped before its end.
 
@@ -87,7 +91,10 @@ class Machine:
         self._ways = _Direct(self._store) if direct and has_direct_calls() else _Public(self._store)
         imports = [self._ways.host(hosts[entry.name or ""], self._causes)
                    for entry in module.imports]
-        instance = wasmtime.Instance(self._store, module, imports)
+        try:
+            instance = wasmtime.Instance(self._store, module, imports)
+        except wasmtime.WasmtimeError as problem:
+            raise Unavailable(" ".join(str(problem).split())) from None
         self._exports = instance.exports(self._store)
 
     def memory(self, start: int, size: int, owning: bool = True) -> memoryview:

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from plcemu.base.errors import LimitError, ProgramFault
 from plcemu.engine import native
 from plcemu.engine.interpreter import BUDGET, OUTSIDE
+from plcemu.engine.native import Unavailable as Unavailable
 from plcemu.engine.wat import COMPLETED, RUN_ROOM, Translated, translate_program
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import VALUE_OPS, Fault, distance, overrun
@@ -51,6 +52,7 @@ class WasmEngine:
         origin, size = self._translated.origin, program.layout.size
         self._head = self._machine.memory(0, origin)
         self._block = self._machine.memory(origin, size)
+        self._block[:] = program.layout.initial
         memory.append(self._machine.memory(origin, size, owning=False))
         self._advance = self._machine.entry("advance", [0])
         self._clocks_run = self._machine.entry("clocks_run", [])

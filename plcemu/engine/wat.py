@@ -54,8 +54,8 @@ def translate_program(program: Program) -> Translated:
     runs = CLOCKS + -(-4 * len(layout.clocks) // 8) * 8
     pages = -(-(runs + RUN_ROOM + layout.size) // PAGE)
     origin = pages * PAGE - layout.size
-    names, helpers = _names(list(functions)), Helpers()
-    bodies = [FunctionWriter(f, functions, names, origin, helpers).write()
+    names, helpers = _names(list(functions)), Helpers(origin, layout.size)
+    bodies = [FunctionWriter(f, functions, names, helpers).write()
               for f in functions.values()]
     clocks = sorted(layout.clocks, key=lambda c: not c.observed)
     observed = sum(c.observed for c in clocks)
@@ -64,13 +64,11 @@ def translate_program(program: Program) -> Translated:
         "(module", *_imports(helpers),
         f'(memory (export "memory") {pages} {pages})',
         f'(data (i32.const {CLOCKS}) "{_escaped(cells)}")',
-        f'(data (i32.const {origin}) "{_escaped(layout.initial)}")',
         "(global $left (mut i64) (i64.const 0))",
         "(global $budget (mut i64) (i64.const 0))",
         "(type $pou (func (param i32)))",
         *_table(program, names),
         *helpers.used.values(),
-        _COPY.replace("SIZE", str(layout.size)).replace("ORIGIN", str(origin)),
         _ADVANCE.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * len(clocks))),
         _CLOCKS_RUN.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * observed))
         .replace("ANSWER", str(COMPLETED)),
@@ -117,17 +115,6 @@ def _table(program: Program, names: dict[str, str]) -> list[str]:
 def _escaped(data: bytes) -> str:
     return "".join(f"\\{byte:02x}" for byte in data)
 
-
-_COPY = """\
-(func $copy (param $to i32) (param $from i32) (param $count i32)
-  ;; an address outside the block must not reach what stands before it
-  (i32.or (i32.gt_u (local.get $to) (i32.sub (i32.const SIZE) (local.get $count)))
-          (i32.gt_u (local.get $from) (i32.sub (i32.const SIZE) (local.get $count))))
-  if
-    unreachable
-  end
-  (memory.copy (i32.add (local.get $to) (i32.const ORIGIN))
-               (i32.add (local.get $from) (i32.const ORIGIN)) (local.get $count)))"""
 
 _ADVANCE = """\
 (func $advance (export "advance") (param $elapsed i64)

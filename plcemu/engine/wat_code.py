@@ -23,14 +23,13 @@ class FunctionWriter:
         function: it.
         functions: all of the program, by name.
         names: the WebAssembly name of each.
-        origin: where the memory block begins in WebAssembly's memory.
-        helpers: collects what the module needs besides.
+        helpers: where the memory block stands; collects what the module needs besides.
     """
 
     def __init__(self, function: Function, functions: dict[str, Function], names: dict[str, str],
-                 origin: int, helpers: Helpers) -> None:
+                 helpers: Helpers) -> None:
         self._function, self._functions, self._names = function, functions, names
-        self._origin, self._helpers = origin, helpers
+        self._origin, self._helpers = helpers.origin, helpers
         self._flow = flow_of(function.code)
         self._lines: list[str] = []
         self._stack: list[Value] = []
@@ -165,7 +164,7 @@ class FunctionWriter:
 
     def _copy(self, arg: int, n: int) -> None:
         source, target = self._stack.pop(), self._stack.pop()
-        self._statement([*plain(target), *plain(source), f"i32.const {arg}", "call $copy"])
+        self._statement([*plain(target), *plain(source), f"i32.const {arg}", self._helpers.copy()])
 
     def _index(self, arg: tuple[int, int, int], n: int) -> None:
         low, count, size = arg

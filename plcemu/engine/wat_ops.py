@@ -45,12 +45,15 @@ class Helpers:
     """What a module needs besides the program's functions: its helpers, host functions, places.
 
     Attributes:
+        origin: where the program's memory block begins in WebAssembly's memory.
+        size: of the block, in bytes.
         used: helper functions by name.
         hosts: imported functions by name: machine types taken and given.
         sites: the instruction of each site, as function and number in its code.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, origin: int, size: int) -> None:
+        self.origin, self.size = origin, size
         self.used: dict[str, str] = {}
         self.hosts: dict[str, tuple[tuple[str, ...], str]] = {}
         self.sites: list[tuple[str, int]] = []
@@ -69,6 +72,20 @@ class Helpers:
         """Return the instruction that calls a helper function, made at its first use."""
         self.used.setdefault(name, f"(func ${name} {signature}\n{body})")
         return f"call ${name}"
+
+    def copy(self) -> str:
+        """Return the instruction that copies within the block: to, from, how many bytes.
+
+        An address outside the block must not reach what stands before it.
+        """
+        return self.helper("copy", "(param $to i32) (param $from i32) (param $count i32)", f"""\
+  (i32.or (i32.gt_u (local.get $to) (i32.sub (i32.const {self.size}) (local.get $count)))
+          (i32.gt_u (local.get $from) (i32.sub (i32.const {self.size}) (local.get $count))))
+  if
+    unreachable
+  end
+  (memory.copy (i32.add (local.get $to) (i32.const {self.origin}))
+               (i32.add (local.get $from) (i32.const {self.origin})) (local.get $count))""")
 
 
 def bits(machine: str) -> int:
