@@ -83,6 +83,15 @@ class Memory:
         self._shown = now
         return tuple((i, self.read(i)) for i in sorted(found))
 
+    @property
+    def shown(self) -> bytes:
+        """The block as `values` or `changes` last told it; set to tell from there on."""
+        return self._shown
+
+    @shown.setter
+    def shown(self, block: bytes) -> None:
+        self._shown = block
+
 
 def differing_bytes(before: bytes, after: bytes) -> list[int]:
     """Return the offsets at which two blocks of equal length differ."""
