@@ -58,6 +58,7 @@ class WasmEngine:
         self._clocks_run = self._machine.entry("clocks_run", [])
         self._lists: dict[tuple[tuple[str, int], ...], tuple[int, int]] = {}
         self._free = self._translated.runs
+        self._codes: dict[tuple[str, int], WasmCode] = {}
 
     @property
     def block(self) -> Block:
@@ -66,7 +67,10 @@ class WasmEngine:
 
     def run(self, function: str, base: int) -> None:
         """Run a function on the instance at an address; raises `ProgramFault`."""
-        self.prepare([(function, base)]).run()
+        key = (function, base)
+        if key not in self._codes:
+            self._codes[key] = self.prepare([key])
+        self._codes[key].run()
 
     def prepare(self, runs: Sequence[tuple[str, int]], budget: int | None = None) -> WasmCode:
         """Make functions, each on the instance at its address, ready to run.
@@ -121,7 +125,7 @@ _TRAPS = {"MEMORY_OUT_OF_BOUNDS": OUTSIDE, "UNREACHABLE": OUTSIDE,
 class WasmCode:
     """Functions on their instances, ready to run; see `plcemu.engine.engines.Code`."""
 
-    __slots__ = ("_budget", "_head", "_many", "_once", "_run", "_stop")
+    __slots__ = ("_budget", "_count", "_elapsed", "_head", "_many", "_once", "_run", "_stop")
 
     def __init__(self, machine: native.Machine, runs: tuple[int, int], budget: int,
                  head: memoryview, stop: Callable[[native.Stopped], NoReturn]) -> None:
@@ -129,6 +133,7 @@ class WasmCode:
         self._budget = budget
         self._once = machine.entry("repeat", [*runs, 1, 0, budget])
         self._many = machine.entry("repeat", [*runs, 1, 0, budget])
+        self._count, self._elapsed = 1, 0
         self._run = self._once.call
 
     @property
@@ -157,8 +162,10 @@ class WasmCode:
 
     def repeat(self, count: int, elapsed_ns: int) -> None:
         """So many times: let time pass for the clock cells, then run; raises `ProgramFault`."""
-        self._many.set(2, count)
-        self._many.set(3, min(elapsed_ns, _NO_END))
+        if count != self._count or elapsed_ns != self._elapsed:
+            self._count, self._elapsed = count, elapsed_ns
+            self._many.set(2, count)
+            self._many.set(3, min(elapsed_ns, _NO_END))
         try:
             self._many.call()
         except native.Stopped as stopped:

@@ -62,8 +62,8 @@ BINARY = [op for op in VALUE_OPS if len(VALUE_OPS[op].pops) == 2]
 def test_an_operation_whose_right_operand_is_a_constant(stem):
     chance = random.Random(3)
     rows = [(op, right) for op in BINARY if op.split(".")[0] == stem
-            for right in {*chance.sample(edges(VALUE_OPS[op].pops[1]), k=2),
-                          *(v for v in (0, -1, 7) if v in edges(VALUE_OPS[op].pops[1]))}]
+            for right in chance.sample(edges(VALUE_OPS[op].pops[1]), k=2)
+            + [v for v in edges(VALUE_OPS[op].pops[1]) if v in (0, -1, 7)]]
     pair = Pair(program_of([function_of(f"F{n}", op, [None, right])
                             for n, (op, right) in enumerate(rows)], bytes(80)))
     for n, (op, _) in enumerate(rows):
