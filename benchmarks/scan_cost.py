@@ -1,7 +1,7 @@
 """A scan by the engines beside the same rungs in C, built with gcc -O2: two programs, one run.
 
 `bool` is 1,000 Boolean IL instructions. `mixed` is 50 TON, 50 CTU and integer arithmetic, 650 IL
-instructions; its timers restart themselves, so that all of it stays busy. The C program is made from
+instructions; its timers restart themselves, so that all of it stays busy. The C program is made of
 the same list of rungs, its timers and counters written by hand, and must compute the same. In every
 round each way runs once, one after the other; of all rounds the fastest counts, since other work on
 the machine only adds.
