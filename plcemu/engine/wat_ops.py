@@ -28,7 +28,7 @@ class Value:
         machine: its machine type.
         code: the lines.
         raw: whether it is yet to be made plain.
-        const: the value itself where it is known.
+        const: the value itself where it is known; of an address, base and offset.
         offset: for an address: to be added to what the lines push.
         still: whether pushing it later gives the same.
     """
@@ -57,6 +57,14 @@ class Helpers:
         self.used: dict[str, str] = {}
         self.hosts: dict[str, tuple[tuple[str, ...], str]] = {}
         self.sites: list[tuple[str, int]] = []
+        self._numbers: dict[tuple[str, int], int] = {}
+
+    def site(self, function: str, at: int) -> int:
+        """Return the number of a place where the program can fault."""
+        if (function, at) not in self._numbers:
+            self._numbers[function, at] = len(self.sites)
+            self.sites.append((function, at))
+        return self._numbers[function, at]
 
     def host(self, name: str, pops: tuple[str, ...], pushes: str) -> str:
         """Return the instruction that calls a host function; it takes a site last."""
