@@ -69,7 +69,7 @@ def translate_program(program: Program) -> Translated:
         "(type $pou (func (param i32)))",
         *_table(program, names),
         *helpers.used.values(),
-        _ADVANCE.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * len(clocks))),
+        _advance([origin + c.offset for c in clocks]),
         _CLOCKS_RUN.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * observed))
         .replace("ANSWER", str(COMPLETED)),
         _REPEAT.replace("COMPLETED", str(COMPLETED)),
@@ -116,24 +116,38 @@ def _escaped(data: bytes) -> str:
     return "".join(f"\\{byte:02x}" for byte in data)
 
 
-_ADVANCE = """\
+UNROLLED = 256
+"""Clock cells that are advanced one by one, without a loop."""
+
+
+def _advance(cells: list[int]) -> str:
+    """Return the function that lets time pass for clock cells at these addresses."""
+    if len(cells) <= UNROLLED:
+        body = "\n".join(_advance_one(f"i32.const {cell}") for cell in cells)
+    else:
+        body = f"""\
+  (local.set $at (i32.const {CLOCKS}))
+  loop $next
+    (local.set $cell (i32.load (local.get $at)))
+{_advance_one("local.get $cell")}
+    (local.set $at (i32.add (local.get $at) (i32.const 4)))
+    (br_if $next (i32.lt_u (local.get $at) (i32.const {CLOCKS + 4 * len(cells)})))
+  end"""
+    return f"""\
 (func $advance (export "advance") (param $elapsed i64)
   (local $at i32) (local $cell i32) (local $count i64) (local $limit i64)
-  (local.set $at (i32.const BEGIN))
-  block $end
-    loop $next
-      (br_if $end (i32.ge_u (local.get $at) (i32.const END)))
-      (local.set $cell (i32.load (local.get $at)))
-      (local.set $count (i64.load (local.get $cell)))
-      (local.set $limit (i64.load offset=8 (local.get $cell)))
-      (if (i64.lt_s (local.get $count) (local.get $limit)) (then
-        (i64.store (local.get $cell)
-          (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
-            (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count)))))))
-      (local.set $at (i32.add (local.get $at) (i32.const 4)))
-      br $next
-    end
-  end)"""
+{body})"""
+
+
+def _advance_one(cell: str) -> str:
+    return f"""\
+  (local.set $count (i64.load ({cell})))
+  (local.set $limit (i64.load offset=8 ({cell})))
+  (if (i64.lt_s (local.get $count) (local.get $limit)) (then
+    (i64.store ({cell})
+      (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
+        (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count)))))))"""
+
 
 _CLOCKS_RUN = """\
 (func (export "clocks_run")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from plcemu.ir.ops import SIZES
 
-LIMIT = 256
+LIMIT = 64
 """Cells held at a time; the oldest gives way."""
 
 WIDEST = max(SIZES.values())
@@ -24,6 +24,7 @@ class Cells:
     def __init__(self) -> None:
         self._held: _Held = {}
         self._at: dict[str, _Held] = {}
+        self._bases: set[str] = set()
 
     def find(self, base: str, offset: int, machine: str) -> bool | None:
         """Return whether the local's value is raw; None if no local holds the cell."""
@@ -35,6 +36,7 @@ class Cells:
         if len(self._held) >= LIMIT:
             del self._held[next(iter(self._held))]
         self._held[base, offset] = machine, raw
+        self._bases.add(base)
 
     def stored(self, base: str, offset: int, machine: str, raw: bool) -> None:
         """A cell has a new value, and a local holds it too; what overlaps it is forgotten."""
@@ -43,14 +45,15 @@ class Cells:
             entry = held.get((base, at))
             if entry and at + SIZES[entry[0]] > offset:
                 del held[base, at]
-        if any(other != base for other, _ in held):
+        if self._bases - {base}:
             # An instance may lie anywhere in memory, so an offset from it may be any cell.
             self._held = {cell: entry for cell, entry in held.items() if cell[0] == base}
+            self._bases = {base}
         self.loaded(base, offset, machine, raw)
 
     def forget(self) -> None:
         """Anything may have changed."""
-        self._held = {}
+        self._held, self._bases = {}, set()
 
     def jump(self, label: str) -> None:
         """A jump goes from here to a label further on."""
@@ -62,6 +65,7 @@ class Cells:
         came = self._at.pop(label, None)
         if came is not None:
             self._held = _common(came, self._held) if falls else came
+            self._bases = {base for base, _ in self._held}
 
 
 def _common(one: _Held, other: _Held) -> _Held:

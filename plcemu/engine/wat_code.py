@@ -32,7 +32,6 @@ class Frame:
     Attributes:
         function: it.
         flow: its structure.
-        places: where its labels are.
         base: what its instance's address counts from.
         shift: how far its instance is from there.
         prefix: of its labels and locals; empty for the function itself.
@@ -40,7 +39,6 @@ class Frame:
 
     function: Function
     flow: Flow
-    places: dict[int, int]
     base: str = "this"
     shift: int = 0
     prefix: str = ""
@@ -50,12 +48,6 @@ class Frame:
         """Whether the last instruction is a return that needs no word for it."""
         return self.function.code[-1].op == "ret" and self.flow.live[-1] \
             and not self.flow.dispatched
-
-
-def frame_of(function: Function, base: str = "this", shift: int = 0, prefix: str = "") -> Frame:
-    """Return the frame of a function at the beginning of its code."""
-    places = {i.arg: n for n, i in enumerate(function.code) if i.op == "label"}
-    return Frame(function, flow_of(function.code), places, base, shift, prefix)
 
 
 class FunctionWriter:
@@ -72,13 +64,20 @@ class FunctionWriter:
                  helpers: Helpers) -> None:
         self._function, self._functions, self._names = function, functions, names
         self._origin, self._helpers = helpers.origin, helpers
-        self._frame = frame_of(function)
+        self._frame = self._frame_of(function)
         self._lines: list[str] = []
         self._stack: list[Value] = []
         self._cells = Cells()
         self._falls = True
         self._place = ""
         self._depth = self._inlined = self._growth = 0
+
+    def _frame_of(self, function: Function, base: str = "this", shift: int = 0,
+                  prefix: str = "") -> Frame:
+        known = self._helpers.flows
+        if function.name not in known:
+            known[function.name] = flow_of(function.code)
+        return Frame(function, known[function.name], base, shift, prefix)
 
     def write(self) -> str:
         """Return the function's text."""
@@ -114,12 +113,12 @@ class FunctionWriter:
                       if not name[1].isdigit()]
 
     def _comment(self, instr: Instr) -> None:
-        if instr.span is None:
+        if instr.span is None or self._stack:
             return
         source, start = instr.span.source, instr.span.start
         line, _ = source.position(start)
         place = f"{source.name}:{line}"
-        if place != self._place and not self._stack:
+        if place != self._place:
             self._place = place
             text = source.text[source.text.rfind("\n", 0, start) + 1:].partition("\n")[0].strip()
             self._lines.append(f";; {place}: {text}"[:120])
@@ -281,7 +280,7 @@ class FunctionWriter:
         address, callee = self._stack.pop(), self._functions[arg]
         if isinstance(address.const, tuple) and self._may_inline(callee):
             base, shift = address.const
-            frame = frame_of(callee, base, shift, f"{self._names[arg][5:]}{self._inlined}.")
+            frame = self._frame_of(callee, base, shift, f"{self._names[arg][5:]}{self._inlined}.")
             if not frame.flow.dispatched:
                 self._inline(frame)
                 return
@@ -353,7 +352,7 @@ class FunctionWriter:
 
     def _jump(self, op: str, label: int, n: int) -> None:
         condition = self._stack.pop().code if op != "jump" else []
-        target = self._frame.places[label]
+        target = self._frame.flow.places[label]
         if target > n:
             branch = {"jump": ["br"], "jumpif": ["br_if"], "jumpifnot": ["i32.eqz", "br_if"]}[op]
             name = self._label_name(label)

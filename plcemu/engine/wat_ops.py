@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from plcemu.engine.wat_flow import Flow
 from plcemu.ir.ops import FLOATS, INTEGERS, VALUE_OPS
 
 KINDS = {**dict.fromkeys(("bool", "i8", "i16", "i32", "u8", "u16", "u32"), "i32"),
@@ -50,6 +51,7 @@ class Helpers:
         used: helper functions by name.
         hosts: imported functions by name: machine types taken and given.
         sites: the instruction of each site, as function and number in its code.
+        flows: the structure of each function's code.
     """
 
     def __init__(self, origin: int, size: int) -> None:
@@ -57,6 +59,7 @@ class Helpers:
         self.used: dict[str, str] = {}
         self.hosts: dict[str, tuple[tuple[str, ...], str]] = {}
         self.sites: list[tuple[str, int]] = []
+        self.flows: dict[str, Flow] = {}
         self._numbers: dict[tuple[str, int], int] = {}
 
     def site(self, function: str, at: int) -> int:
