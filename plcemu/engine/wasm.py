@@ -77,6 +77,7 @@ class WasmEngine:
 
         Raises:
             LimitError: there is no room for so many different lists of functions.
+            ValueError: no program instance is at that address.
         """
         start, end = self._list(tuple(runs))
         budget = self._budget if budget is None else budget
@@ -89,6 +90,8 @@ class WasmEngine:
                 raise LimitError(f"the tasks run more than {RUN_ROOM // _RUN.size} program "
                                  "instances, the limit of the engine 'wasm'")
             for n, (function, base) in enumerate(runs):
+                if self._translated.fixed.get(function, base) != base:
+                    raise ValueError(f"{function} has no instance at {base}")
                 _RUN.pack_into(self._head, start + _RUN.size * n,
                                self._translated.numbers[function], base)
             self._free, self._lists[runs] = end, (start, end)

@@ -36,6 +36,7 @@ class Translated:
         origin: address of the memory block.
         runs: address of the room for lists of functions to run.
         numbers: each function's number in the table.
+        fixed: functions that run on one instance only, with its address.
         hosts: imported functions by name: machine types taken, the site last, and given.
         sites: the instruction of each site, as function and number in its code.
     """
@@ -44,6 +45,7 @@ class Translated:
     origin: int
     runs: int
     numbers: dict[str, int]
+    fixed: dict[str, int]
     hosts: dict[str, tuple[tuple[str, ...], str]]
     sites: list[tuple[str, int]]
 
@@ -55,7 +57,8 @@ def translate_program(program: Program) -> Translated:
     pages = -(-(runs + RUN_ROOM + layout.size) // PAGE)
     origin = pages * PAGE - layout.size
     names, helpers = _names(list(functions)), Helpers(origin, layout.size)
-    bodies = [FunctionWriter(f, functions, names, helpers).write()
+    fixed = _fixed(program)
+    bodies = [FunctionWriter(f, functions, names, helpers, fixed.get(f.name)).write()
               for f in functions.values()]
     clocks = sorted(layout.clocks, key=lambda c: not c.observed)
     observed = sum(c.observed for c in clocks)
@@ -75,7 +78,21 @@ def translate_program(program: Program) -> Translated:
         _REPEAT.replace("COMPLETED", str(COMPLETED)),
         *bodies, ")", ""]
     numbers = {name: n for n, name in enumerate(functions)}
-    return Translated("\n".join(parts), origin, runs, numbers, helpers.hosts, helpers.sites)
+    return Translated("\n".join(parts), origin, runs, numbers, fixed, helpers.hosts,
+                      helpers.sites)
+
+
+def _fixed(program: Program) -> dict[str, int]:
+    """Return the functions that run on one instance only, with its address.
+
+    Most programs have one: its variables then stand at addresses that are known, which saves an
+    addition in every access, and tells them from all others.
+    """
+    called = {i.arg for f in program.functions.values() for i in f.code if i.op == "call"}
+    bases: dict[str, set[int]] = {}
+    for instance in program.instances:
+        bases.setdefault(instance.function, set()).add(instance.base)
+    return {name: min(at) for name, at in bases.items() if len(at) == 1 and name not in called}
 
 
 def _names(functions: list[str]) -> dict[str, str]:
@@ -140,13 +157,16 @@ def _advance(cells: list[int]) -> str:
 
 
 def _advance_one(cell: str) -> str:
+    """Return code without branches: which timers run changes too often to be foreseen."""
     return f"""\
   (local.set $count (i64.load ({cell})))
   (local.set $limit (i64.load offset=8 ({cell})))
-  (if (i64.lt_s (local.get $count) (local.get $limit)) (then
-    (i64.store ({cell})
+  (i64.store ({cell})
+    (select
       (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
-        (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count)))))))"""
+        (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count))))
+      (local.get $count)
+      (i64.lt_s (local.get $count) (local.get $limit))))"""
 
 
 _CLOCKS_RUN = """\

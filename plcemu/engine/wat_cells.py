@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from plcemu.ir.ops import SIZES
 
-LIMIT = 64
+LIMIT = 16
 """Cells held at a time; the oldest gives way."""
 
 WIDEST = max(SIZES.values())

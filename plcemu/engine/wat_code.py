@@ -39,9 +39,9 @@ class Frame:
 
     function: Function
     flow: Flow
-    base: str = "this"
-    shift: int = 0
-    prefix: str = ""
+    base: str
+    shift: int
+    prefix: str
 
     @property
     def returns_at_end(self) -> bool:
@@ -58,13 +58,15 @@ class FunctionWriter:
         functions: all of the program, by name.
         names: the WebAssembly name of each.
         helpers: where the memory block stands; collects what the module needs besides.
+        fixed: the address of the only instance it ever runs on, if there is one.
     """
 
     def __init__(self, function: Function, functions: dict[str, Function], names: dict[str, str],
-                 helpers: Helpers) -> None:
+                 helpers: Helpers, fixed: int | None = None) -> None:
         self._function, self._functions, self._names = function, functions, names
         self._origin, self._helpers = helpers.origin, helpers
-        self._frame = self._frame_of(function)
+        self._frame = self._frame_of(function, "this", 0) if fixed is None \
+            else self._frame_of(function, "memory", fixed)
         self._lines: list[str] = []
         self._stack: list[Value] = []
         self._cells = Cells()
@@ -72,8 +74,7 @@ class FunctionWriter:
         self._place = ""
         self._depth = self._inlined = self._growth = 0
 
-    def _frame_of(self, function: Function, base: str = "this", shift: int = 0,
-                  prefix: str = "") -> Frame:
+    def _frame_of(self, function: Function, base: str, shift: int, prefix: str = "") -> Frame:
         known = self._helpers.flows
         if function.name not in known:
             known[function.name] = flow_of(function.code)

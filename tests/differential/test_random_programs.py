@@ -15,7 +15,7 @@ FORWARD = range(60)
 ANY = range(1000, 1100)
 
 
-def agree(program, seed, budget):
+def agree(program, seed, budget, bases=BASES):
     """Run every function on changing memory and instances; both engines do the same."""
     pair, chance = Pair(program, budget), random.Random(seed)
     outcomes = []
@@ -24,7 +24,7 @@ def agree(program, seed, budget):
             pair.write(0, chance.randbytes(DATA))
             pair.write(CELLS[0], bytes([chance.randrange(200)]).ljust(8, b"\0"))
             pair.write(CELLS[1] + 8, bytes([chance.randrange(200)]).ljust(8, b"\0"))
-            outcomes.append(pair.run(name, chance.choice(BASES)))
+            outcomes.append(pair.run(name, chance.choice(bases)))
             pair.advance(chance.randrange(100))
     return outcomes
 
@@ -32,6 +32,12 @@ def agree(program, seed, budget):
 @pytest.mark.parametrize("seed", FORWARD)
 def test_straight_code_and_jumps_forwards(seed):
     agree(Maker(seed, "forward").program(), seed, 1_000_000)
+
+
+@pytest.mark.parametrize("seed", range(2000, 2030))
+def test_functions_with_one_instance_only(seed):
+    base = BASES[seed % 3]
+    agree(Maker(seed, bases=(base,)).program(), seed, 1000, (base,))
 
 
 @pytest.mark.parametrize("seed", ANY)

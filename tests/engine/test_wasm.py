@@ -157,6 +157,11 @@ def test_so_many_lists_of_instances_have_no_room():
         engine.prepare(MAIN * (RUN_ROOM // 8 + 1))
 
 
+def test_a_program_runs_only_where_it_has_an_instance():
+    with pytest.raises(ValueError, match="MAIN has no instance at 8"):
+        make_engine("wasm", compile_program(COUNTER)).run("MAIN", 8)
+
+
 # ---------------------------------------------------------------- where wasmtime is missing
 
 

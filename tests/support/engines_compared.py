@@ -21,14 +21,19 @@ def numbered(code: Sequence[Instr], first: int = 0) -> tuple[Instr, ...]:
                  for n, i in enumerate(code))
 
 
-def program_of(functions: Sequence[Function], image: bytes,
-               clocks: Sequence[ClockCell] = ()) -> Program:
-    """Return a checked program of such functions, whose memory begins as an image."""
+def program_of(functions: Sequence[Function], image: bytes, clocks: Sequence[ClockCell] = (),
+               bases: Sequence[int] = (0, 16)) -> Program:
+    """Return a checked program of such functions, whose memory begins as an image.
+
+    Each function may run on instances at several addresses.
+    """
     named = {f.name: f for f in functions}
     for function in functions:
         check_function(function, named)
     layout = Layout(image, (), (), tuple(clocks))
-    return Program(named, layout, tuple(Instance(f.name, f.name, 0) for f in functions), ())
+    instances = tuple(Instance(f"{f.name}.{base}", f.name, base)
+                      for f in functions for base in bases)
+    return Program(named, layout, instances, ())
 
 
 def outcome(engine: Engine, function: str, base: int = 0) -> tuple[str, ...]:

@@ -72,11 +72,12 @@ class Maker:
     Args:
         seed: of the random choices.
         flow: `forward`, or `any` for jumps backwards and into loops as well.
+        bases: addresses of the instances that a function may run on.
     """
 
-    def __init__(self, seed: int, flow: str = "any") -> None:
+    def __init__(self, seed: int, flow: str = "any", bases: tuple[int, ...] = BASES) -> None:
         self.chance = random.Random(seed)
-        self.flow = flow
+        self.flow, self.bases = flow, bases
         self.done: list[Function] = []
         self.code: list[Instr] = []
         self.locals: list[str] = []
@@ -90,7 +91,7 @@ class Maker:
             self.done.append(Function(f"F{n}", numbered(self.code, 1000 * n), tuple(self.locals),
                                       result, f"POU {n}"))
         cells = [ClockCell(offset, n == 0) for n, offset in enumerate(CELLS)]
-        return program_of(self.done, image(self.chance), cells)
+        return program_of(self.done, image(self.chance), cells, self.bases)
 
     def _body(self, statements: int, result: str) -> None:
         labels = self.chance.sample(range(statements + 1), k=self.chance.randrange(5))
