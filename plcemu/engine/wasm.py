@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NoReturn
 
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import LimitError, ProgramFault
 from plcemu.engine import native
 from plcemu.engine.interpreter import BUDGET, OUTSIDE
@@ -23,6 +24,7 @@ _NO_END = (1 << 64) - 1
 
 
 @lru_cache(maxsize=8)
+@paused_collector()
 def _compiled(program: Program) -> tuple[Translated, Any]:
     """Return a program's translation and machine code; forks of a PLC share them."""
     translated = translate_program(program)
