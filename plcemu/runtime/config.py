@@ -169,6 +169,21 @@ class OutputSection(PointSection):
     location = "Q"
 
 
+class RetainSection(Section):
+    """Where and how often retained variables are kept."""
+
+    enabled: bool = True
+    file: str | None = None
+    interval: Duration = 1_000_000_000
+
+
+class ControlSection(Section):
+    """The socket of `plcemu control`."""
+
+    enabled: bool = True
+    socket: str | None = None
+
+
 def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
@@ -198,9 +213,16 @@ class Config(Section):
     modbus: ModbusSection = ModbusSection()
     plant: PlantSection | None = None
     properties: Texts = []
+    retain: RetainSection = RetainSection()
+    control: ControlSection = ControlSection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
+
+    @property
+    def file_path(self) -> Path:
+        """The file that it was read from."""
+        return Path(self._file)
 
     @property
     def program_paths(self) -> list[Path]:
@@ -266,6 +288,7 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
 
 
 _PATH_KEYS = ("program", "properties")
+_INNER_PATH_KEYS = (("retain", "file"), ("control", "socket"))
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
@@ -276,6 +299,10 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         if isinstance(values.get(key), str | list):
             values[key] = [str(file.parent / p) if isinstance(p, str) else p
                            for p in _as_list(values[key])]
+    for section, key in _INNER_PATH_KEYS:
+        inner = values.get(section)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str(file.parent / inner[key])
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -421,7 +448,8 @@ def _expected(error: Any) -> str:
 
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
-    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("tasks", "*"): TaskSection,
+    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("retain",): RetainSection,
+    ("control",): ControlSection, ("tasks", "*"): TaskSection,
     ("modbus", "ranges", "*"): RangeSection, ("plant", "inputs", "*"): InputSection,
     ("plant", "outputs", "*"): OutputSection}
 

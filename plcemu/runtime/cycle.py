@@ -90,6 +90,7 @@ class Cycle:
         exchange: over the resource's memory.
         plant: a plant in this process, or None.
         properties: judged while it runs.
+        sources: of further tags.
 
     Raises:
         CompileError: a property does not fit the tags.
@@ -102,7 +103,7 @@ class Cycle:
     """
 
     def __init__(self, resource: Resource, exchange: Exchange, plant: LocalPlant | None = None,
-                 properties: Sequence[Property] = ()) -> None:
+                 properties: Sequence[Property] = (), sources: Sequence[Source] = ()) -> None:
         self.resource = resource
         self.exchange = exchange
         self.plant = plant
@@ -112,7 +113,7 @@ class Cycle:
         self.scan_number = 0
         self.observers: list[Observer] = []
         self._verdicts = _Verdicts(properties)
-        self._sources: list[Source] = [s for s in (plant, self.counters) if s is not None]
+        self._sources: list[Source] = [s for s in (plant, self.counters, *sources) if s is not None]
         every: list[Source] = [*self._sources, self._verdicts]
         self._last: list[Sequence[Value]] = [() for _ in every]
         lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
