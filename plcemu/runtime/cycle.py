@@ -20,8 +20,8 @@ from plcemu.base.trace import Change, Frame, Observer
 from plcemu.base.types import Value
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
-from plcemu.monitor import Suite
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suites import Succession, Suites
 from plcemu.runtime.local_plant import LocalPlant
 
 
@@ -74,12 +74,21 @@ class _Verdicts:
     def __init__(self, properties: Sequence[Property]) -> None:
         self.tags = [Tag(f"monitor.{p.name}.verdict", "STRING", comment=p.description)
                      for p in properties]
-        self.suite: Suite | None = None
+        self.suite: Suites | None = None
 
     def values(self) -> list[Value]:
         if self.suite is None:
             return ["presumably satisfied"] * len(self.tags)
         return [verdict.value for verdict in self.suite.verdicts()]
+
+
+@dataclass(frozen=True, slots=True)
+class Replacement:
+    """Another resource for a cycle, with the tags and monitors that belong to it."""
+
+    resource: Resource
+    verdicts: _Verdicts
+    succession: Succession
 
 
 class Cycle:
@@ -114,19 +123,47 @@ class Cycle:
         self.observers: list[Observer] = []
         self._verdicts = _Verdicts(properties)
         self._sources: list[Source] = [s for s in (plant, self.counters, *sources) if s is not None]
+        self.tags = self._table(resource, self._verdicts)
+        self.suite = Suites(properties, self.tags)
+        self._begin()
+
+    def _table(self, resource: Resource, verdicts: _Verdicts) -> TagTable:
+        try:
+            return TagTable([*resource.memory.tags,
+                             *(t for s in (*self._sources, verdicts) for t in s.tags)])
+        except ValueError as problem:
+            raise PlcemuError(f"{problem}; the names plant, task, retain and monitor are taken, "
+                              "and properties need names of their own") from None
+
+    def _begin(self) -> None:
+        """Let the next frame be one that holds every tag."""
         every: list[Source] = [*self._sources, self._verdicts]
         self._last: list[Sequence[Value]] = [() for _ in every]
-        lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
-        self._bases = list(accumulate(lengths))
-        try:
-            self.tags = TagTable([*resource.memory.tags,
-                                  *(t for s in every for t in s.tags)])
-        except ValueError as problem:
-            raise PlcemuError(f"{problem}; the names plant, task and monitor are taken, and "
-                              "properties need names of their own") from None
-        self.suite = Suite(properties, self.tags)
+        self._bases = list(accumulate([len(self.resource.memory.tags),
+                                       *(len(s.tags) for s in every)]))
         self._verdicts.suite = self.suite
         self._started = False
+
+    # ------------------------------------------------------------ an edited program
+
+    def plan(self, resource: Resource, properties: Sequence[Property]) -> Replacement:
+        """Find out whether tags and properties fit another resource; nothing changes yet.
+
+        Raises:
+            CompileError: a property does not fit the new tags.
+            PlcemuError: two tags have one name.
+        """
+        verdicts = _Verdicts(properties)
+        tags = self._table(resource, verdicts)
+        return Replacement(resource, verdicts, self.suite.plan(properties, tags))
+
+    def replace(self, plan: Replacement) -> None:
+        """Go on with another resource from the next release on; the next frame is a whole one."""
+        self.resource, self._verdicts = plan.resource, plan.verdicts
+        self.suite.follow(plan.succession)
+        self.tags = plan.succession.tags
+        self._begin()
+        self.t_ns = max(self.t_ns, plan.resource.first_release_ns(self.t_ns))
 
     @property
     def end_ns(self) -> int:

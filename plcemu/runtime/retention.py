@@ -1,4 +1,4 @@
-"""Retention: keeps the retained variables of a running resource in a file, and shows how it goes."""
+"""Retention: keeps the retained variables of a running resource in a file, and shows how."""
 
 from __future__ import annotations
 
@@ -173,6 +173,47 @@ class Retention:
                 "error": progress.error, "problems": self.problems,
                 "dropped": list(match.dropped) if match else [],
                 "added": list(match.added) if match else []}
+
+
+class KeptInStep:
+    """Keeps retained variables without a thread: whoever calls `keep` waits for the disk.
+
+    So it is in virtual time, where the same run must give the same files.
+
+    Args:
+        path: of the file.
+        resource: takes what the file holds and fits.
+
+    Attributes:
+        problems: what was wrong with the file, and what did not fit.
+    """
+
+    def __init__(self, path: Path, resource: Resource) -> None:
+        self._file = RetainFile(path)
+        self._kept: tuple[bytes, bytes] | None = None
+        found = self._file.read()
+        self.problems = found.problems
+        if found.commit is None:
+            return
+        image = RetainedImage(resource.program.layout.retained)
+        match = image.match(found.commit)
+        match.carry(found.commit.data, resource.memory.block)
+        self._kept = found.commit.schema, found.commit.data
+        if match.dropped:
+            with contextlib.suppress(OSError):
+                self._file.keep_previous()
+            self.problems.append(f"dropped, since they do not fit: {names(match.dropped)}")
+
+    def keep(self, resource: Resource) -> None:
+        """Bring the file up to date; raises `RetainError` if that fails."""
+        if not resource.program.layout.retained:
+            return
+        image = RetainedImage(resource.program.layout.retained)
+        state = image.schema, image.gather(resource.memory.block)
+        if state != self._kept:
+            self._file.commit(*state)
+            self._file.close()  # so that another PLC may take over
+            self._kept = state
 
 
 def names(every: Sequence[str]) -> str:
