@@ -313,10 +313,7 @@ class RetainFile:
             OSError: it cannot be kept.
         """
         previous = self.path.with_name(f"{self.path.name}.previous")
-        linked = self.path.with_name(f"{self.path.name}.linked")
-        linked.unlink(missing_ok=True)
-        os.link(self.path, linked)
-        linked.replace(previous)
+        _write_synced(previous, self.path.read_bytes())
         return previous
 
     def _release(self, keep_lock: bool = False) -> None:

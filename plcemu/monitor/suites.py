@@ -7,8 +7,9 @@ names, types and units. Every other property starts with the first frame of the 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plcemu.base.tags import Tag, TagTable
 from plcemu.base.trace import Frame
@@ -116,6 +117,12 @@ class Suites:
         """Cut the run after the instant `t_ns`, and return how every property stands."""
         self.advance(t_ns)
         return self.results()
+
+    def copy(self) -> Suites:
+        """Return independent monitors in the same state."""
+        twin = copy.copy(self)
+        twin._members = [replace(member, suite=member.suite.copy()) for member in self._members]
+        return twin
 
     def next_deadline_ns(self) -> int | None:
         """Return the first instant at which a verdict falls if nothing changes, in ns."""

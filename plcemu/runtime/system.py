@@ -30,8 +30,8 @@ from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.retention import Retention, default_path
 
-CHANGEABLE = ("program", "cycle", "engine", "sfc_final_scan", "tasks", "safe_outputs",
-              "properties")
+CHANGEABLE = ("program", "cycle", "engine", "sfc_final_scan", "sipn_single_firing", "tasks",
+              "safe_outputs", "properties")
 """Keys that an online change takes from the configuration."""
 
 
@@ -58,9 +58,10 @@ class System:
     def __init__(self, config: Config, with_plant: bool = True,
                  retain: Literal["off", "cold", "warm"] = "off") -> None:
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
         self.warnings = list(program.warnings)
-        resource = _make_resource(config, program)
+        resource = make_resource(config, program)
         self.retention: Retention | None = None
         if retain != "off" and config.retain.enabled and program.layout.retained:
             path = config.retain.file
@@ -105,8 +106,9 @@ class System:
             CompileError: the program or a property is wrong.
             ConfigError: tasks or outputs do not fit the program.
         """
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
-        resource = _make_resource(config, program)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
+        resource = make_resource(config, program)
         properties, _ = self._judged(config, program)
         try:
             return Change(self.cycle, resource, properties)
@@ -163,8 +165,12 @@ def _load_properties(config: Config) -> list[Property]:
         raise config.mistake(("properties",), f"{problem.filename}: {problem.strerror}") from None
 
 
-def _make_resource(config: Config, program: Program) -> Resource:
-    """Return the resource with the configured tasks and safe outputs."""
+def make_resource(config: Config, program: Program) -> Resource:
+    """Return the resource with the configured tasks and safe outputs.
+
+    Raises:
+        ConfigError: a task, its programs or a safe output does not fit the program.
+    """
     tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
              for name, t in config.tasks.items()]
     if tasks:
