@@ -24,7 +24,6 @@ from plcemu.runtime.config import load_config
 from plcemu.runtime.report import save_report
 from plcemu.runtime.system import System
 
-NAME = "simulate"
 HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
 EPILOG = """example:
   plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd"""

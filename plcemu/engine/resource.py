@@ -16,6 +16,7 @@ from plcemu.base.types import Value
 from plcemu.engine.interpreter import BUDGET, Interpreter
 from plcemu.engine.memory import Memory
 from plcemu.ir.program import Program, Task
+from plcemu.ir.shape import match
 
 
 class State(enum.Enum):
@@ -152,6 +153,23 @@ class Resource:
         """Go to RUN with memory as it is (a warm start)."""
         self.fault, self.state = None, State.RUN
         self._wake()
+
+    def restart(self, cold: bool) -> None:
+        """Go to RUN from the beginning; the next scan is a first scan (IEC 61131-3, 2.4.2).
+
+        In a cold restart every variable gets its initial value; in a warm one the retained
+        variables keep theirs. Inputs stay what the world last made them.
+        """
+        layout, block, before = self.memory.layout, self.memory.block, self.memory.snapshot()
+        self.memory.cold_start()
+        for extent in layout.extents:
+            if extent.area[0] == "I":
+                end = extent.offset + extent.count * SIZES[extent.area[1]]
+                block[extent.offset:end] = before[extent.offset:end]
+        if not cold:
+            match(layout.retained, layout.retained).carry(before, block)
+        self._last_ns = None
+        self.resume()
 
     def _make_safe(self) -> None:
         for offset, data in self._safe:

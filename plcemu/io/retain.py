@@ -296,8 +296,10 @@ class RetainFile:
         self._slot ^= 1
 
     def _create(self, commit: Commit) -> None:
-        """Put a new file with the commit in both slots in the old one's place."""
+        """Put a new file with the commit in both slots in the old one's place, which is kept."""
         self._release(keep_lock=True)
+        if self.path.exists():
+            self.keep_previous()
         size = slot_bytes(commit)
         slot = pack(commit).ljust(size, b"\0")
         temporary = self.path.with_name(f"{self.path.name}.new")
@@ -306,15 +308,14 @@ class RetainFile:
         _sync_folder(self.path.parent)
         self._schema, self._slot_bytes, self._slot = commit.schema, size, 0
 
-    def keep_previous(self) -> Path:
-        """Keep the file as it is under another name as well, before it is replaced.
+    @property
+    def previous(self) -> Path:
+        """Where a file is kept that was replaced by one with other variables."""
+        return self.path.with_name(f"{self.path.name}.previous")
 
-        Raises:
-            OSError: it cannot be kept.
-        """
-        previous = self.path.with_name(f"{self.path.name}.previous")
-        _write_synced(previous, self.path.read_bytes())
-        return previous
+    def keep_previous(self) -> None:
+        """Keep the file as it is under another name as well; raises `OSError` if it cannot be."""
+        _write_synced(self.previous, self.path.read_bytes())
 
     def _release(self, keep_lock: bool = False) -> None:
         if self._fd >= 0:

@@ -14,7 +14,7 @@ from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.engine.resource import Resource
 from plcemu.io.committer import Committer, Progress
-from plcemu.io.retain import Commit, RetainedImage, RetainFile
+from plcemu.io.retain import Commit, Found, RetainedImage, RetainFile
 from plcemu.ir.shape import Match
 
 _LOG = logging.getLogger("plcemu.retain")
@@ -51,7 +51,7 @@ class Retention:
         self._file = RetainFile(path)
         self._take(resource)
         self.match: Match | None = None
-        found = self._file.read()
+        found = self._file.read() if self._variables else Found(is_first=True)
         self.problems = found.problems
         self.start = "first" if found.is_first else "cold" if cold or found.commit is None \
             else "warm"
@@ -81,25 +81,23 @@ class Retention:
 
     def _take(self, resource: Resource) -> None:
         self._block = resource.memory.block
-        self._image = RetainedImage(resource.program.layout.retained)
+        self._variables = resource.program.layout.retained
+        self._image = RetainedImage(self._variables)
 
     def _restore(self, commit: Commit, resource: Resource) -> None:
         self.match = self._image.match(commit)
         self.match.carry(commit.data, resource.memory.block)
         resource.inputs_changed()
         if self.match.dropped:
-            try:
-                self.problems.append("retained variables that did not fit are dropped: "
-                                     f"{names(self.match.dropped)}; the file with them is kept as "
-                                     f"{self._file.keep_previous()}")
-            except OSError as problem:
-                self.problems.append("retained variables that did not fit are dropped: "
-                                     f"{names(self.match.dropped)}; the file with them could not "
-                                     f"be kept aside: {problem.strerror}")
+            self.problems.append("retained variables that do not fit are dropped: "
+                                 f"{names(self.match.dropped)}; the next commit keeps the file "
+                                 f"with them as {self._file.previous}")
 
     def _tell(self, commit: Commit | None) -> None:
         for problem in self.problems:
             _LOG.warning("%s", problem)
+        if not self._variables:
+            return
         if self.match is not None and commit is not None:
             _LOG.info("warm start: retained variables of commit %d in %s", commit.sequence,
                       self.path)
@@ -120,11 +118,8 @@ class Retention:
     def after_scan(self, scan: int) -> None:
         """Hand over the state after a scan, if it is time to."""
         self._tell_errors()
-        if time.monotonic_ns() < self._next_ns:
-            return
-        data = self._image.gather(self._block)
-        if data != self._handed or self._committer.progress.error:
-            self._hand_over(data, scan)
+        if time.monotonic_ns() >= self._next_ns:
+            self.hand_over(scan)
 
     def _hand_over(self, data: bytes, scan: int) -> None:
         self._committer.submit(self._image.schema, data, scan)
@@ -141,28 +136,36 @@ class Retention:
             else:
                 _LOG.info("retained variables are kept again")
 
-    def commit(self, scan: int) -> Progress:
-        """Commit now, and wait for it."""
+    def hand_over(self, scan: int) -> None:
+        """Hand over the state after a scan now, if it has changed."""
+        if not self._variables:
+            return
         data = self._image.gather(self._block)
         if data != self._handed or self._committer.progress.error:
             self._hand_over(data, scan)
+
+    def wait(self) -> Progress:
+        """Wait until what was handed over is on the disk, and return how it stands."""
         self._committer.flush(PATIENCE_S)
         return self._committer.progress
 
     def finish(self, scan: int) -> None:
         """Make the last commit of a run."""
-        progress = self.commit(scan)
+        self.hand_over(scan)
+        progress = self.wait()
         if not self._committer.close(PATIENCE_S):
             _LOG.error("the last commit of the retained variables takes longer than %g s; the "
                        "run ends without it", PATIENCE_S)
         elif progress.error:
             _LOG.error("%s; retained variables are kept as of commit %d", progress.error,
                        progress.sequence)
-        else:
+        elif self._variables:
             _LOG.info("retained variables are kept: commit %d", progress.sequence)
 
     def changed(self, resource: Resource) -> None:
         """Go on with the variables of an edited program, from the next scan on."""
+        if not self._variables:  # the file was not looked at yet
+            self._committer.progress = Progress(_sequence(self._file.read()))
         self._take(resource)
         self._handed, self._next_ns = None, 0
 
@@ -173,6 +176,10 @@ class Retention:
                 "error": progress.error, "problems": self.problems,
                 "dropped": list(match.dropped) if match else [],
                 "added": list(match.added) if match else []}
+
+
+def _sequence(found: Found) -> int:
+    return found.commit.sequence if found.commit is not None else 0
 
 
 class KeptInStep:
@@ -200,8 +207,6 @@ class KeptInStep:
         match.carry(found.commit.data, resource.memory.block)
         self._kept = found.commit.schema, found.commit.data
         if match.dropped:
-            with contextlib.suppress(OSError):
-                self._file.keep_previous()
             self.problems.append(f"dropped, since they do not fit: {names(match.dropped)}")
 
     def keep(self, resource: Resource) -> None:

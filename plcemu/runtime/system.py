@@ -63,7 +63,7 @@ class System:
         self.warnings = list(program.warnings)
         resource = make_resource(config, program)
         self.retention: Retention | None = None
-        if retain != "off" and config.retain.enabled and program.layout.retained:
+        if retain != "off" and config.retain.enabled:
             path = config.retain.file
             self.retention = Retention(Path(path) if path else default_path(config.file_path),
                                        config.retain.interval, resource, retain == "cold")
@@ -117,6 +117,14 @@ class System:
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
 
+    def changed(self, config: Config) -> None:
+        """Take over what an applied change took from its configuration."""
+        self.config = self.config.model_copy(
+            update={key: getattr(config, key) for key in CHANGEABLE})
+        self.properties = list(self.cycle.suite.properties)
+        if self.retention is not None:
+            self.retention.changed(self.resource)
+
     def fixed_keys(self, config: Config) -> list[str]:
         """Return the keys that differ from what runs and that only a start can change."""
         return [key for key in Config.model_fields if key not in CHANGEABLE
@@ -149,6 +157,8 @@ class System:
             "tags": {tag.name: value for tag, value in
                      zip(self.cycle.tags, self.cycle.values(), strict=True)},
         }
+        if self.retention is not None:
+            document["retain"] = self.retention.report()
         if self.not_judged:
             document["not_judged"] = self.not_judged
         if self.resource.fault is not None:
