@@ -83,7 +83,7 @@ class ControlServer:
                                ) from None
         self._server = await asyncio.start_unix_server(self._serve, sock=listening,
                                                        limit=MESSAGE_BYTES)
-        _LOG.debug("control socket %s", self.path)
+        _LOG.info("control socket %s", self.path)
 
     async def stop(self) -> None:
         """Close the socket and every connection."""
