@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from plcemu.base.areas import Address
 from plcemu.base.tags import Tag
 from plcemu.base.types import ElementaryType, StringType
-from plcemu.ir.program import ClockCell, Layout, Slot
+from plcemu.ir.program import ClockCell, Expiry, Layout, Slot
 from plcemu.ir.shape import Record, Variable
 from plcemu.lang.frames import Functions
 from plcemu.lang.image import Image
@@ -17,8 +17,10 @@ from plcemu.lang.scope import Scope
 from plcemu.lang.scopes import Declarations
 from plcemu.lang.shapes import Shapes
 from plcemu.lang.types import (
+    CLOCK,
     TYPE_OF_SIZE,
     BlockType,
+    Clock,
     EnumType,
     SubrangeType,
     Type,
@@ -30,8 +32,11 @@ from plcemu.lang.types import (
 
 
 def assemble(declarations: Declarations, instances: list[Planned], image: Image,
-             plan: Functions, addresses: list[Address]) -> Layout:
-    """Return the layout of memory: initial values, tags, extents and clocks."""
+             plan: Functions, addresses: list[Address], is_et_read: bool) -> Layout:
+    """Return the layout of memory: initial values, tags, extents and clocks.
+
+    `is_et_read` is whether any text reads the elapsed time of a timer.
+    """
     initial = bytearray(plan.end)
     slots: list[Slot] = []
     found: list[ClockCell] = []
@@ -50,8 +55,7 @@ def assemble(declarations: Declarations, instances: list[Planned], image: Image,
         variables += _variables(scope, name, base, carried)
         retained += _retained(scope, name, base, kept, name in whole)
         slots += _variable_slots(scope.type, name, base)
-        found += [ClockCell(offset, _is_observed(holder))
-                  for offset, holder in clocks(scope.type, base)]
+        found += [_cell(clock, is_et_read) for clock in clocks(scope.type, base)]
     slots += _direct_slots([scope for _, scope, _ in placed], addresses, image,
                            {slot.tag.address for slot in slots})
     for offset, data in plan.initial:
@@ -136,5 +140,10 @@ def _direct_slots(scopes: list[Scope], addresses: list[Address], image: Image,
             for a in unnamed if str(a) not in named]
 
 
-def _is_observed(holder: BlockType) -> bool:
-    return holder.kind == "CLOCK" or holder.name.endswith("observed")
+def _cell(clock: Clock, is_et_read: bool) -> ClockCell:
+    if clock.holder is not CLOCK:
+        return ClockCell(clock.offset, clock.holder.name.endswith("observed"))
+    if clock.copy is None or is_et_read:
+        return ClockCell(clock.offset, True)
+    return ClockCell(clock.offset, True,
+                     Expiry(clock.copy, clock.offset + CLOCK.fields["VARIED"].offset))

@@ -119,17 +119,16 @@ class Commands:
     # ------------------------------------------------------------ state
 
     def _stop(self) -> Answer:
-        self._daemon.system.resource.stop()
+        self._daemon.system.cycle.stop()
         return {}
 
     def _start(self) -> Answer:
-        resource = self._daemon.system.resource
-        if resource.state is not State.RUN:
-            resource.resume()
+        if self._daemon.system.resource.state is not State.RUN:
+            self._daemon.system.cycle.resume()
         return {}
 
     def _restart(self, mode: str) -> Answer:
-        self._daemon.system.resource.restart(cold=mode == "cold")
+        self._daemon.system.cycle.restart(cold=mode == "cold")
         return {}
 
     def _status(self) -> Answer:

@@ -324,7 +324,7 @@ def test_a_change_in_stop_stays_in_stop_and_in_fault_in_fault():
     assert plc.state == "FAULT"
     plc.change(main("n : INT;", "n := n + 1;"))
     assert plc.state == "FAULT" and "zero" in plc.fault
-    plc.start()
+    plc.resume()
     plc.scan()
     assert (plc.state, plc["n"]) == ("RUN", 1)
 
@@ -375,10 +375,10 @@ def test_a_warm_restart_keeps_retained_variables_and_inputs_a_cold_one_inputs_al
     plc = plcemu.Plc(KEPT.format("a := a + 1; b := %IW0;").replace("b : INT", "b : WORD"))
     plc["%IW0"] = 4
     plc.scan(3)
-    plc._resource.restart(cold=False)
-    assert (plc._resource.memory.read(plc.tags.find("a")), plc["%IW0"]) == (3, 4)
+    plc.restart()
+    assert (plc["a"], plc["%IW0"]) == (3, 4)
     plc.scan()
     assert (plc["a"], plc["b"]) == (4, 4)
-    plc._resource.restart(cold=True)
+    plc.restart(cold=True)
     plc.scan()
     assert (plc["a"], plc["b"]) == (1, 4)
