@@ -14,7 +14,7 @@ from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.time import format_duration
 from plcemu.base.types import Value
-from plcemu.engine.engines import make_engine
+from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.memory import Memory
 from plcemu.engine.releases import count_any
@@ -29,6 +29,10 @@ class State(enum.Enum):
     RUN = "RUN"
     STOP = "STOP"
     FAULT = "FAULT"
+
+
+Probe = Callable[[Task, Code], None]
+"""Runs a task's code in its own way; raises `ProgramFault`."""
 
 
 class Checkpoint(NamedTuple):
@@ -77,6 +81,8 @@ class Resource:
         self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
         """What is measured of each of `tasks`, in their order."""
         self._safe = self._safe_places(safe_outputs or {})
+        self.probe: Probe | None = None
+        """Who is asked to run the tasks instead, such as a debugger; None for nobody."""
         self._last_ns: int | None = None
         self._left = bytes(self.memory.block)
 
@@ -195,7 +201,10 @@ class Resource:
     def _run(self, state: TaskState, t_ns: int) -> None:
         state.statistics.scans += 1
         try:
-            state.code.run()
+            if self.probe is None:
+                state.code.run()
+            else:
+                self.probe(state.task, state.code)
         except ProgramFault as fault:
             self._fail(ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
                                     place=fault.place, t_ns=t_ns))
