@@ -55,6 +55,8 @@ class LocalPlant:
                      for p in self._sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
+        self._output_places = [p.image_place() for p in coupling.outputs]
+        self._taken: list[bytes] = []
         self._values: list[Value] = self._read()
         self._event_ns = coupling.next_event_ns()
 
@@ -88,8 +90,13 @@ class LocalPlant:
             _LOG.warning("%s writes the plant's inputs: the plant in this process steps aside",
                          ", ".join(sorted(others)))
             return
-        if self.coupling.take_outputs(self._published(self.coupling.outputs)):
-            self._refresh()
+        published = [self._exchange.published(*place) for place in self._output_places]
+        if published != self._taken:
+            self._taken = published
+            raw = [p.from_image(data)
+                   for p, data in zip(self.coupling.outputs, published, strict=True)]
+            if self.coupling.take_outputs(raw):
+                self._refresh()
 
     def checkpoint(self) -> Checkpoint:
         """Return the whole state, the writes that wait for the next scan with it."""
@@ -99,6 +106,7 @@ class LocalPlant:
     def return_to(self, point: Checkpoint) -> None:
         """Take up the state of a checkpoint, after the exchange has returned to its own."""
         self.coupling.return_to(point.coupling)
+        self._taken = []
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
         self._written, self._values = list(point.written), list(point.values)
         for write in point.pending:
