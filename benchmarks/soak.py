@@ -3,7 +3,7 @@
     python benchmarks/soak.py [--seconds 60] [--speed 100]
 
 Prints the resident memory once in a while, and its slope over the second half of the run, in KiB
-for each hour of the PLC's time and for each 1,000 connections. The program is reloaded at each look.
+for each hour of the PLC's time and for each 1,000 connections. Each look reloads the program.
 """
 
 from __future__ import annotations

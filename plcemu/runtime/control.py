@@ -45,12 +45,17 @@ def socket_path(config: Config) -> Path:
 
     The folder is `$XDG_RUNTIME_DIR/plcemu`, or one of the user's own in the temporary folder; the
     name holds a mark of the configuration's path.
+
+    Raises:
+        ControlError: the folder is another user's.
     """
     if config.control.socket is not None:
         return Path(config.control.socket)
     base = os.environ.get("XDG_RUNTIME_DIR", "")
     folder = Path(base) / "plcemu" if base.startswith("/") \
         else Path(tempfile.gettempdir()) / f"plcemu-{os.getuid()}"
+    if folder.exists() and folder.stat().st_uid != os.getuid():
+        raise ControlError(f"{folder} belongs to another user; choose a socket by control.socket")
     full = config.file_path.resolve()
     return folder / f"{hashlib.blake2b(str(full).encode(), digest_size=8).hexdigest()}.sock"
 

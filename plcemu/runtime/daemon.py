@@ -90,8 +90,8 @@ class Daemon:
             self.server = system.server()
             await self.server.start()
         if system.config.control.enabled:
-            self._control = ControlServer(socket_path(system.config), Commands(self).handle)
             try:
+                self._control = ControlServer(socket_path(system.config), Commands(self).handle)
                 await self._control.start()
             except PlcemuError as problem:  # the PLC is worth more than its switchboard
                 _LOG.warning("%s", problem)

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import logging
 import os
+import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -244,4 +245,7 @@ def state_folder() -> Path:
     if systemd:
         return Path(systemd)
     base = os.environ.get("XDG_STATE_HOME", "")
-    return (Path(base) if base.startswith("/") else Path.home() / ".local" / "state") / "plcemu"
+    try:
+        return (Path(base) if base.startswith("/") else Path.home() / ".local" / "state") / "plcemu"
+    except RuntimeError:  # a user without a home, as in some containers
+        return Path(tempfile.gettempdir()) / f"plcemu-{os.getuid()}"
