@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 from plcemu.cli.output import (
     add_config_arguments,
     add_log_arguments,
+    add_scenario_arguments,
     duration,
     failed,
     print_json,
     print_report,
+    scenario_of,
     set_up_log,
     show_warnings,
 )
@@ -39,6 +41,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     add_config_arguments(parser)
+    add_scenario_arguments(parser)
     parser.add_argument("--for", dest="duration", metavar="DURATION", type=duration,
                         help="stop after this much of the PLC's time")
     parser.add_argument("--no-plant", action="store_true",
@@ -58,7 +61,8 @@ def execute(arguments: argparse.Namespace) -> int:
     config = read_config()
     set_up_log(arguments)
     system = System(config, with_plant=not arguments.no_plant,
-                    retain="cold" if arguments.cold else "warm")
+                    retain="cold" if arguments.cold else "warm",
+                    scenario=scenario_of(arguments))
     if arguments.log_format == "json":
         for warning in system.warnings:
             logging.getLogger("plcemu.lang").warning("%s", warning)

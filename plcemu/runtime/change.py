@@ -17,7 +17,7 @@ from plcemu.io.exchange import Exchange, Extent
 from plcemu.ir.program import Program
 from plcemu.ir.shape import Match, charts, match
 from plcemu.monitor.parse import Property
-from plcemu.runtime.cycle import Cycle, Replacement
+from plcemu.runtime.cycle import Cycle, Replacement, Stimulus
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,17 +68,20 @@ class Change:
         cycle: which runs the program so far.
         resource: with the edited program, as made.
         properties: to be judged from now on.
+        player: of the scenario under way, for the edited program; None if there is none.
 
     Raises:
         CompileError: a property does not fit the edited program.
         PlcemuError: two tags have one name.
     """
 
-    def __init__(self, cycle: Cycle, resource: Resource, properties: Sequence[Property]) -> None:
+    def __init__(self, cycle: Cycle, resource: Resource, properties: Sequence[Property],
+                 player: Stimulus | None = None) -> None:
         self.resource = resource
         self.match: Match = match(cycle.resource.program.layout.variables,
                                   resource.program.layout.variables)
         self._cycle = cycle
+        self._player = player
         self._old = cycle.resource
         self._plan: Replacement = cycle.plan(resource, properties)
 
@@ -106,6 +109,9 @@ class Change:
         offsets = exchange.rebind(new.memory.block, extents_of(new.program), self.match.place)
         new.succeed(old)
         cycle.replace(self._plan)
+        if self._player is not None and cycle.player is not None:
+            self._player.played = cycle.player.played
+            cycle.player = self._player
         exchange.update_outputs()
         found = self.match
         return ChangeReport(

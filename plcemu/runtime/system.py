@@ -13,6 +13,7 @@ from hil.coupling import Coupling, CouplingError, points
 from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
+from plant_sim.rig import Rig
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
@@ -36,10 +37,11 @@ from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
 from plcemu.runtime.change import Change, make_exchange
-from plcemu.runtime.config import Config, PointSection, TaskSection
+from plcemu.runtime.config import Config, PlantSection, PointSection, TaskSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.retention import Retention, default_path
+from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
 
 CHANGEABLE = ("program", "cycle", "engine", "sfc_final_scan", "sipn_single_firing", "budget",
               "watchdog", "tasks", "safe_outputs", "properties")
@@ -60,6 +62,7 @@ class System:
         with_plant: whether the configured plant runs in this process.
         retain: `warm` takes the retained variables over and keeps them, `cold` only keeps them,
             `off` does neither.
+        scenario: what comes from outside, besides the scenario of the configuration.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -67,7 +70,8 @@ class System:
     """
 
     def __init__(self, config: Config, with_plant: bool = True,
-                 retain: Literal["off", "cold", "warm"] = "off") -> None:
+                 retain: Literal["off", "cold", "warm"] = "off",
+                 scenario: Scenario = Scenario()) -> None:  # noqa: B008
         self.config = config
         program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                                   single_firing=config.sipn_single_firing)
@@ -80,7 +84,8 @@ class System:
                                        config.retain.interval, resource, retain == "cold")
         self.exchange: Exchange = make_exchange(resource)
         self._map = make_map(config)
-        plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
+        scenario = configured_scenario(config) + scenario
+        plant = LocalPlant(make_coupling(config, scenario), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
         self._facts = TagTable(plant.tags) if plant is not None and self.plant is None \
             else TagTable()
@@ -92,6 +97,19 @@ class System:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
+        self._scenario = scenario
+        self.cycle.player = self._player(resource)
+
+    def _player(self, resource: Resource) -> Player | None:
+        """Return what plays the scenario on a resource, if there is one."""
+        scenario = self._scenario
+        if not scenario:
+            return None
+        if self.plant is None:
+            return Player(scenario, resource, self.exchange)
+        coupling = self.plant.coupling
+        driven = {str(point.address): point.name for point in coupling.inputs}
+        return Player(scenario, resource, self.exchange, coupling.plant, driven)
 
     @property
     def resource(self) -> Resource:
@@ -122,7 +140,7 @@ class System:
         resource = make_resource(config, program)
         properties, _ = self._judged(config, program)
         try:
-            return Change(self.cycle, resource, properties)
+            return Change(self.cycle, resource, properties, self._player(resource))
         except CompileError:
             raise
         except PlcemuError as problem:
@@ -287,15 +305,38 @@ def make_map(config: Config) -> AddressMap:
         raise config.mistake(("modbus", "ranges"), problem) from None
 
 
-def make_plant(config: Config) -> Plant:
-    """Return the configured plant.
+def configured_scenario(config: Config) -> Scenario:
+    """Return the scenario that a configuration names, or an empty one.
 
     Raises:
-        ConfigError: there is no such plant or parameter, or a value does not fit.
+        ConfigError: the file is wrong.
+    """
+    if config.plant is None or config.plant.scenario is None:
+        return Scenario()
+    return load_scenario(config.plant.scenario)
+
+
+def make_plant(config: Config, scenario: Scenario = Scenario()) -> Plant:  # noqa: B008
+    """Return the configured plant with its devices, and the faults of a scenario to come.
+
+    Raises:
+        ConfigError: there is no such plant, parameter, port or fault, or a value does not fit.
     """
     section = config.plant
     if section is None:
         raise config.mistake(("plant",), "is missing")
+    plant = _load_plant(config, section)
+    injections = injections_of(scenario, plant, section.time_scale)
+    if not (section.devices or injections):
+        return plant
+    devices = {name: device.device() for name, device in section.devices.items()}
+    try:
+        return Rig(plant, devices, injections, section.seed)
+    except ValueError as problem:
+        raise config.mistake(("plant", "devices"), problem) from None
+
+
+def _load_plant(config: Config, section: PlantSection) -> Plant:
     try:
         return load(section.model, section.parameters)
     except PlantLoadError as problem:
@@ -308,13 +349,13 @@ def make_plant(config: Config) -> Plant:
                              f"{problem}") from problem
 
 
-def make_coupling(config: Config) -> Coupling:
-    """Return the configured plant with its wiring.
+def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
+    """Return the configured plant with its wiring, and the faults of a scenario to come.
 
     Raises:
         ConfigError: the plant or its wiring does not exist.
     """
-    plant = make_plant(config)
+    plant = make_plant(config, scenario)
     section = config.plant
     assert section is not None
     ports = plant.ports
