@@ -273,8 +273,7 @@ def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
             continue
         if number >= before_scan:
             return
-        if t_ns > cycle.t_ns:
-            cycle.pass_over(t_ns)
+        cycle.pass_over(t_ns, number)
         for write in writes:
             port = ports.setdefault(write.port, cycle.exchange.port(write.port))
             port.write(*write[1:])
@@ -291,7 +290,7 @@ def _pass_over(cycle: Cycle, scan: int) -> None:
     else:
         for _ in range(missing):
             t_ns = resource.first_release_ns(t_ns + 1)
-    cycle.pass_over(t_ns)
+    cycle.pass_over(t_ns, scan)
     cycle.finish(t_ns)
 
 
