@@ -177,7 +177,8 @@ def _write_jsonl(trace: Trace, file: TextIO) -> None:
 
     always = ("name", "type", "unit")
     line({"tags": [{key: getattr(tag, key) for key in _TAG_KEYS
-                    if key in always or getattr(tag, key)} for tag in trace.tags]})
+                    if key in always or getattr(tag, key)}
+                   | ({"values": dict(tag.values)} if tag.values else {}) for tag in trace.tags]})
     for frame in trace.frames:
         line({"t_ns": frame.t_ns, "scan": frame.scan,
               "changes": {trace.tags[i].name: value for i, value in frame.changes}})
@@ -220,7 +221,16 @@ def _declared(path: Path, number: int, content: dict[str, object]) -> TagTable:
     for row in rows:
         if not isinstance(row, dict) or not {"name", "type"} <= row.keys():
             raise wrong(path, number, repr(row), "a tag with name and type")
-    return _table(path, [Tag(*(str(row.get(key, "")) for key in _TAG_KEYS)) for row in rows])
+    return _table(path, [Tag(**{key: str(row.get(key, "")) for key in _TAG_KEYS},
+                             values=_values(path, number, row)) for row in rows])
+
+
+def _values(path: Path, number: int, row: dict[str, object]) -> tuple[tuple[str, int], ...]:
+    """Read the values of an enumeration."""
+    found = row.get("values", {})
+    if not isinstance(found, dict) or not all(isinstance(v, int) for v in found.values()):
+        raise wrong(path, number, f"values {found!r}", "an object of names and whole numbers")
+    return tuple(found.items())
 
 
 def _whole(path: Path, number: int, content: dict[str, object], key: str) -> int:

@@ -12,7 +12,7 @@ from plcemu.base.types import Value
 from plcemu.monitor.bind import Binder
 from plcemu.monitor.formula import Formula
 from plcemu.monitor.linear import on_one_run
-from plcemu.monitor.parse import Property, parse_formula
+from plcemu.monitor.parse import Property, parse_property
 from plcemu.monitor.verdict import Result, Verdict
 from plcemu.monitor.watch import Watch
 
@@ -159,13 +159,12 @@ def _watches(properties: Iterable[Property], tags: TagTable) -> list[Watch]:
     watches, mistakes = [], []
     for entry in properties:
         found: list[Diagnostic] = []
-        formula = on_one_run(entry.formula, found)
         binder = Binder(tags, found)
-        used = binder.check(formula)
+        formula = binder.check(on_one_run(entry.formula, found))
         if found:
             mistakes += found
         else:
-            watches.append(Watch(entry, formula, used, binder))
+            watches.append(Watch(entry, formula, binder.used(formula), binder))
     if mistakes:
         raise CompileError(mistakes)
     return watches
@@ -182,8 +181,8 @@ class Monitor:
         if isinstance(formula, Property):
             self.entry = formula
         else:
-            tree = parse_formula(formula) if isinstance(formula, str) else formula
-            self.entry = Property(name, tree)
+            self.entry = parse_property(formula, name) if isinstance(formula, str) \
+                else Property(name, formula)
 
     def check(self, trace: Trace) -> Result:
         """Judge a recorded run up to its end.

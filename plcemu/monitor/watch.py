@@ -11,7 +11,7 @@ from plcemu.base.trace import Frame
 from plcemu.base.types import Value
 from plcemu.monitor.bind import Binder, Values
 from plcemu.monitor.evaluators import body_of, make_evaluator, premise_of
-from plcemu.monitor.formula import Binary, Formula, Unary, is_state, tag_refs
+from plcemu.monitor.formula import Binary, Formula, Unary, is_state
 from plcemu.monitor.parse import Property
 from plcemu.monitor.verdict import FINAL, PRESUMED, Result, Verdict, Violation
 
@@ -113,7 +113,7 @@ def blamed(formula: Formula, binder: Binder, now: Values) -> list[int]:
         parts = broken or [formula.left, formula.right]
     if parts == [formula]:
         inner = formula.arg if isinstance(formula, Unary) else formula
-        return [binder.tags.find(ref.name) for ref in tag_refs(inner)]
+        return binder.names.used(inner)
     return list(dict.fromkeys(i for part in parts for i in blamed(part, binder, now)))
 
 
