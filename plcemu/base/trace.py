@@ -15,8 +15,8 @@ from plcemu.base.errors import LimitError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import Value
 
-Change = tuple[int, Value]
-"""A tag's index in the trace's tag table, and its new value."""
+Change = tuple[int, Value | None]
+"""A tag's index in the trace's tag table, and its new value; None: not known (of bad quality)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +70,14 @@ class Trace:
             raise LimitError(f"the trace is full ({self.limit} frames); record a shorter time")
         self.frames.append(frame)
 
-    def values(self) -> Iterator[tuple[int, dict[int, Value]]]:
+    def values(self) -> Iterator[tuple[int, dict[int, Value | None]]]:
         """Yield (t_ns, all values by tag index) after each frame; the dict is reused."""
-        state: dict[int, Value] = {}
+        state: dict[int, Value | None] = {}
         for frame in self.frames:
             state.update(frame.changes)
             yield frame.t_ns, state
 
-    def history(self, name: str) -> list[tuple[int, Value]]:
+    def history(self, name: str) -> list[tuple[int, Value | None]]:
         """Return the (t_ns, value) changes of one tag.
 
         Raises:

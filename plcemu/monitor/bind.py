@@ -41,8 +41,8 @@ from plcemu.monitor.names import Cells, Names
 Values = Sequence[Value | None]
 StateFunction = Callable[[Values, Values], bool | None]
 
-_TRUTH, _NUMBER, _TEXT = "truth value", "number", "character string"
-_ANY = (_TRUTH, _NUMBER, _TEXT)
+_TRUTH, NUMBER, _TEXT = "truth value", "number", "character string"
+_ANY = (_TRUTH, NUMBER, _TEXT)
 _PYTHON = {"!": "(not {0})", "&": "({0} and {1})", "|": "({0} or {1})",
            "->": "(not {0} or {1})", "<->": "(bool({0}) is bool({1}))",
            "=": "({0} == {1})", "!=": "({0} != {1})", "<": "({0} < {1})", "<=": "({0} <= {1})",
@@ -158,7 +158,7 @@ class Binder:
         """Check that a part is of one of these kinds, and return its kind."""
         found = self.kind(formula)
         if found not in kinds:
-            hint = "compare it, as in x = 1" if _TRUTH in kinds and found == _NUMBER else ""
+            hint = "compare it, as in x = 1" if _TRUTH in kinds and found == NUMBER else ""
             self.diagnostics.append(diagnostic(
                 "M0011", formula.span, hint, found=f"'{formula}'", kind=found,
                 expected=" or ".join(kinds)))
@@ -168,28 +168,28 @@ class Binder:
         """Return what a part is: a truth value, a number or a character string."""
         if isinstance(formula, (TagRef, Element)):
             for index in children(formula):
-                self.expect(index, _NUMBER, _TRUTH)
+                self.expect(index, NUMBER, _TRUTH)
             tag = self.names.tag_of(formula)
             type_ = tag.type.partition("[")[0] if tag else ""
-            return {"BOOL": _TRUTH, "STRING": _TEXT, "WSTRING": _TEXT}.get(type_, _NUMBER)
+            return {"BOOL": _TRUTH, "STRING": _TEXT, "WSTRING": _TEXT}.get(type_, NUMBER)
         if isinstance(formula, Literal):
-            return {bool: _TRUTH, str: _TEXT}.get(type(formula.value), _NUMBER)
+            return {bool: _TRUTH, str: _TEXT}.get(type(formula.value), NUMBER)
         if isinstance(formula, Call):
             return self.function(formula)
         if isinstance(formula, (Unary, Binary)):
             return self.operation(formula)
-        return _NUMBER if isinstance(formula, Duration) else _TRUTH
+        return NUMBER if isinstance(formula, Duration) else _TRUTH
 
     def function(self, formula: Call) -> str:
         if formula.name != "ago":
             for part in formula.args:
-                self.expect(part, _NUMBER, _TRUTH)
-            return _NUMBER
+                self.expect(part, NUMBER, _TRUTH)
+            return NUMBER
         tag, back = formula.args
         if not isinstance(tag, TagRef):
             self.diagnostics.append(diagnostic("M0012", tag.span, found=f"'{tag}'",
                                                expected="a tag"))
-        if not isinstance(back, Duration):
+        if not isinstance(back, Duration) or back.ns <= 0:
             self.diagnostics.append(diagnostic("M0012", back.span, found=f"'{back}'",
                                                expected="a duration such as 5s"))
         return self.kind(tag)
@@ -202,13 +202,13 @@ class Binder:
         if kind is Kind.COMPARISON and isinstance(formula, Binary):
             left = self.expect(formula.left, *_ANY)
             # A BOOL compares with 0 and 1: recorded traces cannot tell the two apart.
-            alike = (_TEXT,) if left == _TEXT else (_TRUTH, _NUMBER)
+            alike = (_TEXT,) if left == _TEXT else (_TRUTH, NUMBER)
             self.expect(formula.right, *alike)
             return _TRUTH
-        wanted = (_NUMBER, _TRUTH) if kind is Kind.ARITHMETIC else (_TRUTH,)
+        wanted = (NUMBER, _TRUTH) if kind is Kind.ARITHMETIC else (_TRUTH,)
         for part in children(formula):
             self.expect(part, *wanted)
-        return _NUMBER if kind is Kind.ARITHMETIC else _TRUTH
+        return NUMBER if kind is Kind.ARITHMETIC else _TRUTH
 
     def delay(self, formula: Call) -> Delay:
         """Return the delayed value that `ago(tag, duration)` reads."""
@@ -220,7 +220,7 @@ class Binder:
     def compile(self, formula: Formula) -> State:
         """Compile a checked state formula."""
         assert is_state(formula)
-        writer = _Writer(self)
+        writer = Writer(self)
         code = compile(f"lambda now, before: {writer.quick(formula, 'now')}",
                        f"<{formula}>", "eval")
         holds: StateFunction = eval(code, writer.scope)
@@ -228,14 +228,14 @@ class Binder:
 
     def three_valued(self, formula: Formula) -> StateFunction:
         """Compile a checked state formula to Kleene's three values."""
-        writer = _Writer(self)
+        writer = Writer(self)
         code = compile(f"lambda now, before: {writer.kleene(formula, 'now')}",
                        f"<{formula}>", "eval")
         function: StateFunction = eval(code, writer.scope)
         return function
 
 
-class _Writer:
+class Writer:
     """Writes a state formula as a Python expression over the lists `now` and `before`."""
 
     def __init__(self, binder: Binder) -> None:

@@ -60,7 +60,7 @@ class _Rewriter:
             op = self.branching(formula, demanded, forbidden)
         if isinstance(formula, Binary):
             return self.binary(replace(formula, op=op), demanded, forbidden)
-        if op == "X":
+        if op == "X" and not is_state(formula.arg):
             self.report("M0021", formula, _NEXT_SCAN)
         if op in _FLIPPED:
             demanded, forbidden = forbidden, demanded
