@@ -2,7 +2,8 @@
 
 A trace is a tag table and frames. The first frame holds every tag, each later one the tags that
 changed; values hold until the next frame (piecewise constant, right-continuous). A scan in which
-nothing changed leaves no frame in a trace.
+nothing changed leaves no frame in a trace. A change to None says that the value is not known from
+then on, because its source failed or is stale (quality *bad*), until its next change.
 """
 
 from __future__ import annotations

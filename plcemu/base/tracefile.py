@@ -2,8 +2,9 @@
 
 One row of `FORMATS` a format. What a format cannot hold is guessed on reading: `.csv` has no
 types, so that a tag of nothing but 0 and 1 reads back as BOOL, whole numbers as LINT, numbers as
-LREAL and anything else as STRING; neither `.csv` nor `.vcd` has scan numbers, so frames are
-numbered from 0. No format holds the date: the same run is the same file, byte for byte.
+LREAL and anything else as STRING. An empty field is a value that is not known (null in `.jsonl`,
+`x` in `.vcd`), but in a column of texts an empty text. Neither `.csv` nor `.vcd` has scan numbers,
+so frames are numbered from 0. No format holds the date: the same run is the same file, byte for byte.
 """
 
 from __future__ import annotations
@@ -160,7 +161,7 @@ def _trace(tags: TagTable, rows: Iterable[tuple[int, Iterable[Value | None]]]) -
     for t_ns, row in rows:
         now = list(row)
         changes = tuple((i, v) for i, v in enumerate(now)
-                        if v is not None and (v != last[i] or last[i] is None))
+                        if v != last[i] or (v is None) is not (last[i] is None))
         trace.observe(Frame(t_ns, len(trace.frames), changes))
         last = now
     return trace
@@ -244,12 +245,13 @@ def _frame(path: Path, number: int, content: dict[str, object], tags: TagTable) 
     named = content.get("changes")
     if not isinstance(named, dict):
         raise wrong(path, number, f"changes {named!r}", "an object of tags and values")
-    changes: dict[int, Value] = {}
+    changes: dict[int, Value | None] = {}
     for name, value in named.items():
         if name not in tags:
             raise wrong(path, number, f"the tag {name!r}", "one of the tags of line 1")
-        if not isinstance(value, (bool, int, float, str)):
-            raise wrong(path, number, f"{name}: {value!r}", "a truth value, a number or a text")
+        if value is not None and not isinstance(value, (bool, int, float, str)):
+            raise wrong(path, number, f"{name}: {value!r}",
+                        "a truth value, a number, a text or null")
         changes[tags.find(name)] = value
     return Frame(_whole(path, number, content, "t_ns"), _whole(path, number, content, "scan"),
                  tuple(sorted(changes.items())))

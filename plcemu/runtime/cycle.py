@@ -32,8 +32,8 @@ class Source(Protocol):
     def tags(self) -> Sequence[Tag]:
         """The tags, in a fixed order."""
 
-    def values(self) -> Sequence[Value]:
-        """Their present values."""
+    def values(self) -> Sequence[Value | None]:
+        """Their present values; None is a value that is not known (quality *bad*)."""
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ class Cycle:
         self._verdicts = _Verdicts(properties)
         self._sources: list[Source] = [s for s in (plant, self.counters) if s is not None]
         every: list[Source] = [*self._sources, self._verdicts]
-        self._last: list[Sequence[Value]] = [() for _ in every]
+        self._last: list[Sequence[Value | None]] = [() for _ in every]
         lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
         self._bases = list(accumulate(lengths))
         try:
@@ -132,7 +132,7 @@ class Cycle:
         """The last instant of which the run tells: the next release may change anything."""
         return max(0, min(self.now_ns, self.t_ns - 1))
 
-    def values(self) -> list[Value]:
+    def values(self) -> list[Value | None]:
         """Return the present values of all tags, in their order."""
         memory = self.resource.memory
         return [*(memory.read(i) for i in range(len(memory.tags))),
@@ -178,7 +178,7 @@ class Cycle:
             changes += self._moved(n, source.values())
         return tuple(changes)
 
-    def _moved(self, n: int, now: Sequence[Value]) -> list[Change]:
+    def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
         if now is before or now == before:
