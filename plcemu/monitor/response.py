@@ -40,6 +40,8 @@ class Response:
         self.triggers = 0
         self.trigger_ns: int | None = None
         self.deadline_ns: int | None = None
+        self._due = premise.holds if premise is not None and not self.pulsed else None
+        self._done = goal.holds
         self._open_ns: int | None = None
         self._doubt_ns: int | None = None
         self._unsure = False
@@ -51,6 +53,8 @@ class Response:
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
         """Take the values from an instant on; before it lie the values `before`."""
         t_ns = frame.t_ns
+        if sure and self._due is not None and self._doubt_ns is None:
+            return self._quick(t_ns, self._due(now, before), self._done(now, before))
         if self.pulsed and t_ns == self._after_ns:
             # What was foreseen for this instant is overtaken by what did happen.
             self._restore()
@@ -66,6 +70,26 @@ class Response:
             self._apply(t_ns + 1, now, now, sure)
             if self.premise is None and self.bound_ns == 0:
                 self.triggers = tests
+        return None
+
+    def _quick(self, t_ns: int, due: bool | None, done: bool | None) -> int | None:
+        """Take p and q where both are known, there is a p, and neither looks back."""
+        if not due:
+            self._was = False
+        elif not self._was:
+            self._count(t_ns, due, done)
+        if done:
+            if self._open_ns is not None:
+                self._open_ns = self.deadline_ns = None
+            if self._pending:
+                self._pending = ()
+        elif due and self._open_ns is None:
+            self._open_ns = t_ns
+            if self.bound_ns is not None:
+                self.deadline_ns = t_ns + self.bound_ns
+                if self.bound_ns == 0:
+                    self.trigger_ns = t_ns
+                    return NO
         return None
 
     def _restore(self) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 
 from plcemu.base.errors import CompileError
@@ -48,12 +47,16 @@ class Suite:
         self._now: list[Value | None] = [None] * (len(tags) + len(delays))
         self._before: list[Value | None] = []
         self._t_ns: int | None = None
+        self._scan = 0
         self._wake_ns: int | None = None
         self._unsure = False
         self._masks: list[int] = []
         self._touched: dict[int, tuple[Watch, ...]] = {}
-        self._frames: deque[Frame] = deque()
+        # Whether some value is not known, or delayed ones are asked for: the longer way.
+        self._special = True
+        self._frames: list[Frame] = []
         self._past: list[Value | None] = []
+        self._older: tuple[list[Value | None], list[Frame]] = ([], [])
         self._index()
 
     def observe(self, frame: Frame) -> None:
@@ -73,9 +76,24 @@ class Suite:
         if wake_ns is not None and wake_ns < t_ns:
             self._pass(t_ns - 1)
         self._t_ns = t_ns
-        if frame.changes:
-            self._record(frame)
-            self._change(frame)
+        changes = frame.changes
+        if changes:
+            self._frames.append(frame)
+            if self._special:
+                self._change(frame)
+            else:
+                now, before, masks, touched = self._now, self._before, self._masks, 0
+                for index, value in changes:
+                    now[index] = value
+                    touched |= masks[index]
+                    if value is None:
+                        self._unsure = self._special = True
+                if touched:
+                    self._step(frame, touched)
+                for index, value in changes:
+                    before[index] = value
+            if len(self._frames) >= EXCERPT:
+                self._turn()
         elif wake_ns is None:
             return
         if self._wake_ns is not None and self._wake_ns <= t_ns:
@@ -135,7 +153,8 @@ class Suite:
         self._unsure = True
         for watch in self._open:
             watch.step(frame, now, now, self._sure(watch))
-        self._unsure = any(now[i] is None for watch in self._open for i in watch.tags_used)
+        self._unsure = None in now
+        self._special = self._unsure or self._lines is not None
         self._settle()
         if self._wake_ns is not None and self._wake_ns <= frame.t_ns:
             self._pass(frame.t_ns)
@@ -143,6 +162,7 @@ class Suite:
     def _change(self, frame: Frame) -> None:
         """Take what changed at an instant, delayed changes that come to be seen then included."""
         lines = self._lines
+        self._scan = frame.scan
         if lines is not None:
             frame = lines.joined(frame)
         changes = frame.changes
@@ -158,6 +178,7 @@ class Suite:
             before[index] = value
         if self._unsure:
             self._unsure = None in now
+            self._special = self._unsure or lines is not None
         if lines is not None:
             for slot in lines.feed(frame):
                 self._give_up(slot, frame.t_ns)
@@ -191,7 +212,7 @@ class Suite:
         while lines is not None and lines.next_ns is not None and lines.next_ns <= t_ns:
             due_ns = lines.next_ns
             self._lapse(due_ns - 1)
-            self._change(Frame(due_ns, self._frames[-1].scan, ()))
+            self._change(Frame(due_ns, self._scan, ()))
         self._lapse(t_ns)
 
     def _lapse(self, t_ns: int) -> None:
@@ -236,20 +257,20 @@ class Suite:
 
     # ------------------------------------------------------------ the last frames
 
-    def _record(self, frame: Frame) -> None:
-        frames = self._frames
-        frames.append(frame)
-        if len(frames) > EXCERPT:
-            past = self._past
-            for index, value in frames.popleft().changes:
-                past[index] = value
+    def _turn(self) -> None:
+        """Begin a new list of frames; the last one is kept with the values before it."""
+        self._older = (self._past, self._frames)
+        self._past, self._frames = list(self._now), []
 
     def _excerpt(self, end_ns: int) -> Trace:
         """Return the last frames up to an instant as a trace; its first frame is complete."""
-        frames = [frame for frame in self._frames if frame.t_ns <= end_ns]
-        values = self._past[:len(self._tags)]
-        for index, value in frames[0].changes:
-            values[index] = value
+        past, older = self._older
+        recent = [frame for frame in (*older, *self._frames) if frame.t_ns <= end_ns]
+        skipped, frames = recent[:-EXCERPT], recent[-EXCERPT:]
+        values = list(past if older else self._past)[:len(self._tags)]
+        for frame in (*skipped, frames[0]):
+            for index, value in frame.changes:
+                values[index] = value
         whole: tuple[Change, ...] = tuple((i, v) for i, v in enumerate(values) if v is not None)
         first = Frame(frames[0].t_ns, frames[0].scan, whole)
         return Trace(self._tags, [first, *frames[1:]], end_ns)

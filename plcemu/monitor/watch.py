@@ -11,7 +11,7 @@ from plcemu.base.time import format_duration
 from plcemu.base.trace import Frame, Trace
 from plcemu.base.types import Value
 from plcemu.monitor.bind import Binder, Values
-from plcemu.monitor.evaluators import body_of, make_evaluator, premise_of
+from plcemu.monitor.evaluators import Evaluator, body_of, make_evaluator, premise_of
 from plcemu.monitor.formula import Binary, Formula, Unary, is_state, walk
 from plcemu.monitor.margin import margin_of
 from plcemu.monitor.parse import Property
@@ -42,12 +42,17 @@ class Watch:
         self.deadline_ns: int | None = None
         self.verdict: Verdict | None = None
         self._formula, self._binder = formula, binder
-        self._evaluator = make_evaluator(formula, binder)
+        self.use(make_evaluator(formula, binder))
         self._margin = margin_of(formula, binder)
         self._recent: deque[Frame] = deque(maxlen=RECENT)
         self._decided_at_ns: int | None = None
         self._violation: Violation | None = None
         self._reason = ""
+
+    def use(self, evaluator: Evaluator) -> None:
+        """Let an evaluator judge the formula."""
+        self._evaluator = evaluator
+        self._step = evaluator.step
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> bool:
         """Take a frame in which a tag of the formula changed.
@@ -58,7 +63,7 @@ class Watch:
         self._recent.append(frame)
         evaluator = self._evaluator
         try:
-            verdict = evaluator.step(frame, now, before, sure)
+            verdict = self._step(frame, now, before, sure)
             if self._margin is not None:
                 self._margin.step(now, before, sure)
         except _GIVES_UP as error:

@@ -70,7 +70,7 @@ def test_the_short_way_and_the_general_way_tell_the_same_story(
     found: list[Diagnostic] = []
     binder = Binder(TAGS, found)
     linear = binder.check(on_one_run(formula, found))
-    general._watches[0]._evaluator = General(linear, binder)
+    general._watches[0].use(General(linear, binder))
     [general.observe(frame) for frame in trace.frames]
     slow, quick = general.finish(trace.end_ns)[0], Monitor(formula).check(trace)
     assert (slow.verdict, slow.violation) == (quick.verdict, quick.violation)
