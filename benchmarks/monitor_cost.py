@@ -138,7 +138,7 @@ def reelay_online(reelay: Any, rows: Sequence[dict[str, bool]]) -> int:
     monitor = reelay.discrete_timed_monitor(
         pattern="not ({H} since[2200:] ({Malf} and {H}))", semantics="boolean", condense=False)
     update = monitor.update
-    assert all([update(row)["value"] for row in rows])
+    assert all(update(row)["value"] for row in rows)
     return len(rows)
 
 

@@ -33,11 +33,13 @@ class Evaluator(Protocol):
         triggers: how often the formula was put to the test.
         trigger_ns: after a violation, the instant whose demand was not met; None if there is none.
         deadline_ns: an instant before which time alone decides nothing; None if it never does.
+        restless: whether `presume` may change while nothing is told.
     """
 
     triggers: int
     trigger_ns: int | None
     deadline_ns: int | None
+    restless: bool
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
         """Take the values from an instant on; `sure` says that all of them are known."""
@@ -60,6 +62,8 @@ class Evaluator(Protocol):
 
 class Invariant:
     """G p for a p that never looks back."""
+
+    restless = False
 
     def __init__(self, demand: State) -> None:
         self.demand = demand

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from plcemu.base.trace import Frame
 from plcemu.monitor.bind import Binder, Values
 from plcemu.monitor.build import Builder
-from plcemu.monitor.formula import Binary, Formula, Interval, Unary
+from plcemu.monitor.formula import OPERATORS, Binary, Formula, Interval, Kind, Unary, walk
 from plcemu.monitor.network import NextAtom, Node
-from plcemu.monitor.signals import BEYOND, NO, YES
+from plcemu.monitor.signals import BEYOND, NO, UNSURE, YES
 from plcemu.monitor.verdict import Obligation
 
 
@@ -65,6 +65,13 @@ class General:
         self._body = builder.nodes[shape.body]
         self._counted: Node | None = builder.nodes.get(shape.counted) if shape.counted else None
         self._last_counted = -1
+        # Said of the past, all but the root is known at every instant, and so nothing is owed.
+        self._owes = not self._shape.repeated or any(
+            isinstance(part, (Unary, Binary)) and (part.op == "X"
+                                                   or OPERATORS[part.op].kind is Kind.FUTURE)
+            for part in walk(shape.body))
+        self.restless = self._owes
+        self._unsure = False
         self._pulsed = any(atom.state.pulsed for atom in self.network.atoms)
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
@@ -112,6 +119,9 @@ class General:
         self._count()
         verdict = self.network.verdict()
         if verdict is None:
+            self._unsure = self._unsure or any(
+                value == UNSURE and end >= self._shape.first_ns
+                for _, end, value in self._body.known)
             kept = {self._body: self._body.first}
             if self._counted is not None:
                 # What was true just before would else be counted again where it goes on.
@@ -201,6 +211,8 @@ class General:
 
     def presume(self, t_ns: int) -> int:
         """Return the verdict if the run ended with an instant."""
+        if not self._owes:
+            return UNSURE if self._unsure else YES
         return self.network.cut(t_ns - self._start_ns)
 
     def obligations(self, t_ns: int) -> Sequence[Obligation]:

@@ -40,6 +40,8 @@ class Response:
         self.triggers = 0
         self.trigger_ns: int | None = None
         self.deadline_ns: int | None = None
+        # A pulse is over in the next ns.
+        self.restless = self.pulsed
         self._due = premise.holds if premise is not None and not self.pulsed else None
         self._done = goal.holds
         self._open_ns: int | None = None

@@ -57,6 +57,10 @@ class Suite:
         self._frames: list[Frame] = []
         self._past: list[Value | None] = []
         self._older: tuple[list[Value | None], list[Frame]] = ([], [])
+        self._exact = False
+        # Which open properties may stand otherwise than `_verdicts` says, as bit masks.
+        self._moved = self._restless = 0
+        self._verdicts = [Verdict.INCONCLUSIVE.value] * len(self._watches)
         self._index()
 
     def observe(self, frame: Frame) -> None:
@@ -120,20 +124,39 @@ class Suite:
 
         With `ago` it may be the earlier instant at which a past change comes to be seen.
         """
-        found = [watch.exact_deadline_ns() for watch in self._open]
-        if self._lines is not None:
-            found.append(self._lines.next_ns)
-        self._set_wake()
-        return min((t for t in found if t is not None), default=None)
+        if not self._exact:
+            for watch in self._open:
+                if watch.deadline_ns is not None:
+                    watch.exact_deadline_ns()
+            self._set_wake()
+            self._exact = True
+        return self._wake_ns
 
     @property
     def undecided(self) -> int:
         """How many properties have no final verdict yet."""
         return len(self._open)
 
-    def verdicts(self) -> list[Verdict]:
-        """Return the verdicts alone, in the order the properties were given."""
-        return [watch.stands(self._t_ns) for watch in self._watches]
+    def verdicts(self) -> list[str]:
+        """Return the verdicts alone, in the order the properties were given.
+
+        As long as none of them changes it is the same list; only what was looked at since the
+        last call, or moves with time, is asked again.
+        """
+        moved, self._moved = self._moved | self._restless, 0
+        now: list[str] | None = None
+        at = 0
+        while moved:
+            if moved & 1:
+                watch = self._open[at]
+                verdict = watch.stands(self._t_ns).value
+                if verdict != self._verdicts[watch.place]:
+                    now = now or list(self._verdicts)
+                    now[watch.place] = verdict
+            moved, at = moved >> 1, at + 1
+        if now is not None:
+            self._verdicts = now
+        return self._verdicts
 
     def results(self) -> list[Result]:
         """Return how every property stands now, in the order they were given."""
@@ -189,6 +212,7 @@ class Suite:
         if watches is None:
             watches = tuple(w for i, w in enumerate(self._open) if touched >> i & 1)
             self._touched[touched] = watches
+        self._moved |= touched
         now, before, moved = self._now, self._before, False
         if self._unsure:
             for watch in watches:
@@ -219,6 +243,7 @@ class Suite:
         for watch in self._open:
             while watch.deadline_ns is not None and watch.deadline_ns <= t_ns:
                 watch.lapse(t_ns, self._now)
+        self._moved = (1 << len(self._open)) - 1
         self._settle()
 
     def _give_up(self, slot: int, t_ns: int) -> None:
@@ -234,7 +259,7 @@ class Suite:
             at = watch.deadline_ns
             if at is not None and (wake is None or at < wake):
                 wake = at
-        self._wake_ns = wake
+        self._wake_ns, self._exact = wake, False
 
     def _settle(self) -> None:
         """Drop decided properties, and find the next instant at which to look."""
@@ -242,6 +267,10 @@ class Suite:
         for watch in decided:
             watch.tell(self._excerpt)
         if decided:
+            self._verdicts = list(self._verdicts)
+            for watch in decided:
+                assert watch.verdict is not None
+                self._verdicts[watch.place] = watch.verdict.value
             self._open = [watch for watch in self._open if watch.verdict is None]
             self._index()
         self._set_wake()
@@ -251,6 +280,8 @@ class Suite:
         every = sum(1 << i for i, watch in enumerate(self._open) if watch.every_frame)
         self._masks = [every] * len(self._now)
         self._touched.clear()
+        self._moved = (1 << len(self._open)) - 1
+        self._restless = sum(1 << i for i, watch in enumerate(self._open) if watch.restless)
         for i, watch in enumerate(self._open):
             for index in watch.tags_used:
                 self._masks[index] |= 1 << i
@@ -278,7 +309,8 @@ class Suite:
 
 def _watches(properties: Iterable[Property], tags: TagTable) -> tuple[list[Watch], list[Delay]]:
     """Bind properties to tags; every mistake in any of them is reported at once."""
-    watches, mistakes = [], []
+    watches: list[Watch] = []
+    mistakes: list[Diagnostic] = []
     delays: dict[tuple[int, int], Delay] = {}
     for entry in properties:
         found: list[Diagnostic] = []
@@ -287,7 +319,7 @@ def _watches(properties: Iterable[Property], tags: TagTable) -> tuple[list[Watch
         if found:
             mistakes += found
         else:
-            watches.append(Watch(entry, formula, binder))
+            watches.append(Watch(entry, formula, binder, len(watches)))
     if mistakes:
         raise CompileError(mistakes)
     return watches, list(delays.values())

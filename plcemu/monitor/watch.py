@@ -29,13 +29,14 @@ class Watch:
 
     Attributes:
         tags_used: the indices of the values that the formula reads.
+        place: its number in the suite.
         every_frame: whether it must see every frame, not only those that change its tags.
         deadline_ns: an instant before which time alone decides nothing; None if it never does.
         verdict: the final verdict; None while it is open.
     """
 
-    def __init__(self, entry: Property, formula: Formula, binder: Binder) -> None:
-        self.entry = entry
+    def __init__(self, entry: Property, formula: Formula, binder: Binder, place: int = 0) -> None:
+        self.entry, self.place = entry, place
         self.tags_used = binder.used(formula)
         self.every_frame = any(isinstance(part, Unary) and part.op == "X"
                                for part in walk(formula))
@@ -48,6 +49,11 @@ class Watch:
         self._decided_at_ns: int | None = None
         self._violation: Violation | None = None
         self._reason = ""
+
+    @property
+    def restless(self) -> bool:
+        """Whether it may stand otherwise after some time in which nothing changed."""
+        return self._evaluator.restless
 
     def use(self, evaluator: Evaluator) -> None:
         """Let an evaluator judge the formula."""

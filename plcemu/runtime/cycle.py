@@ -76,10 +76,10 @@ class _Verdicts:
                      for p in properties]
         self.suite: Suite | None = None
 
-    def values(self) -> list[Value]:
+    def values(self) -> Sequence[Value]:
         if self.suite is None:
             return ["presumably satisfied"] * len(self.tags)
-        return [verdict.value for verdict in self.suite.verdicts()]
+        return self.suite.verdicts()
 
 
 class Cycle:
