@@ -8,6 +8,7 @@ then on, because its source failed or is stale (quality *bad*), until its next c
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -70,6 +71,11 @@ class Trace:
         if len(self.frames) >= self.limit:
             raise LimitError(f"the trace is full ({self.limit} frames); record a shorter time")
         self.frames.append(frame)
+
+    def cut(self, scan: int) -> None:
+        """Forget the frames of a scan and of all later ones."""
+        del self.frames[bisect_left(self.frames, scan, key=lambda frame: frame.scan):]
+        self.end_ns = self.frames[-1].t_ns if self.frames else 0
 
     def values(self) -> Iterator[tuple[int, dict[int, Value | None]]]:
         """Yield (t_ns, all values by tag index) after each frame; the dict is reused."""

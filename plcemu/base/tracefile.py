@@ -4,7 +4,8 @@ One row of `FORMATS` a format. What a format cannot hold is guessed on reading: 
 types, so that a tag of nothing but 0 and 1 reads back as BOOL, whole numbers as LINT, numbers as
 LREAL and anything else as STRING. An empty field is a value that is not known (null in `.jsonl`,
 `x` in `.vcd`), but in a column of texts an empty text. Neither `.csv` nor `.vcd` has scan numbers,
-so frames are numbered from 0. No format holds the date: the same run is the same file, byte for byte.
+so frames are numbered from 0. No format holds the date: the same run is the same file, byte for
+byte.
 """
 
 from __future__ import annotations

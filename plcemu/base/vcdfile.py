@@ -3,8 +3,8 @@
 BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement,
 unsigned ones and bit strings are registers of their width, floats are reals, and texts are the
 strings that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
-A value that is not known is `x`; of a real it is NaN and of a text it
-is empty, and so they read back.
+A value that is not known is `x`; of a real it is NaN and of a text it is empty, and so they read
+back.
 """
 
 from __future__ import annotations

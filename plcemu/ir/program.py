@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 from plcemu.base.spans import Diagnostic, Span
 from plcemu.base.tags import Tag
 
+Block = bytearray | memoryview
+"""The memory of a running program, as everyone sees it."""
+
 
 class Instr(NamedTuple):
     """One instruction: an operation of `plcemu.ir.ops`, its argument, and where it was written."""
@@ -36,6 +39,10 @@ class Function:
     result: str = ""
     pou: str = ""
 
+    def place(self, at: int) -> str:
+        """Return where the instruction of that number was written, as `file:line:column`."""
+        return next((str(i.span) for i in reversed(self.code[:at + 1]) if i.span), "")
+
 
 @dataclass(frozen=True, slots=True)
 class Slot:
@@ -43,6 +50,23 @@ class Slot:
 
     tag: Tag
     offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Expiry:
+    """What of a clock cell the program sees: only that `elapsed` has reached `limit`.
+
+    So it is with a timer whose ET no text reads: until the cell expires, scans that change nothing
+    else only copy the elapsed time.
+
+    Attributes:
+        copy: offset of the elapsed time's copy, ET.
+        varied: offset of a BOOL that is TRUE if the limit changed while the cell ran; then the
+            program may have compared with another limit than the one that stands there.
+    """
+
+    copy: int
+    varied: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +79,12 @@ class ClockCell:
     Attributes:
         offset: of `elapsed` in the memory block.
         observed: whether the program reads it, so that its running can matter.
+        expiry: of an observed cell, if its expiry is all that can matter; else None.
     """
 
     offset: int
     observed: bool
+    expiry: Expiry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +168,10 @@ class Task:
     own cycle. An event is looked for at phase + k · the resource's cycle, and its rising edge
     releases the task once; with an interval besides, the task is also periodic while the trigger is
     FALSE.
+
+    A run is stopped when its jumps backwards have cost more than `budget` instructions; 0 means the
+    resource's budget. A run that took longer than `watchdog_ns` by the clock ends in FAULT after
+    it; 0 means that none is too long.
     """
 
     name: str
@@ -150,11 +180,13 @@ class Task:
     phase_ns: int = 0
     programs: tuple[str, ...] = ()
     event: Event | None = None
+    budget: int = 0
+    watchdog_ns: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """All that an engine needs to run."""
+    """All that an engine needs to run; two are equal if they are the same one."""
 
     functions: dict[str, Function]
     layout: Layout

@@ -45,6 +45,7 @@ _TRUTH, NUMBER, _TEXT = "truth value", "number", "character string"
 _ANY = (_TRUTH, NUMBER, _TEXT)
 _PYTHON = {"!": "(not {0})", "&": "({0} and {1})", "|": "({0} or {1})",
            "->": "(not {0} or {1})", "<->": "(bool({0}) is bool({1}))",
+           "xor": "(bool({0}) is not bool({1}))",
            "=": "({0} == {1})", "!=": "({0} != {1})", "<": "({0} < {1})", "<=": "({0} <= {1})",
            ">": "({0} > {1})", ">=": "({0} >= {1})", "+": "({0} + {1})", "-": "({0} - {1})",
            "*": "({0} * {1})", "/": "({0} / {1})", "MOD": "fmod({0}, {1})", "negate": "(-{0})",
@@ -80,6 +81,7 @@ def _or(p: Any, q: Any) -> bool | None:
 _KLEENE: dict[str, Callable[..., Any]] = {
     "!": _not, "&": _and, "|": _or, "->": lambda p, q: _or(_not(p), q),
     "<->": _strict(lambda p, q: bool(p) is bool(q)),
+    "xor": _strict(lambda p, q: bool(p) is not bool(q)),
     "=": _strict(operator.eq), "!=": _strict(operator.ne), "<": _strict(operator.lt),
     "<=": _strict(operator.le), ">": _strict(operator.gt), ">=": _strict(operator.ge),
     "+": _strict(operator.add), "-": _strict(operator.sub), "*": _strict(operator.mul),
@@ -106,6 +108,10 @@ class State:
     holds: StateFunction
     pulsed: bool
     binder: Binder
+
+    def __deepcopy__(self, memo: object) -> State:
+        """It never changes."""
+        return self
 
     def kleene(self, now: Values, before: Values) -> bool | None:
         """Return the value in three values; tags may be without a value."""
@@ -235,13 +241,16 @@ class Binder:
         return function
 
 
+STATE_SCOPE: dict[str, Any] = {"inf": math.inf, "fmod": _fmod}
+"""What written expressions may name besides values."""
+
+
 class Writer:
     """Writes a state formula as a Python expression over the lists `now` and `before`."""
 
     def __init__(self, binder: Binder) -> None:
         self.binder = binder
-        self.scope: dict[str, Any] = {"inf": math.inf, "fmod": _fmod, "element": _element,
-                                      "K": _KLEENE}
+        self.scope: dict[str, Any] = {**STATE_SCOPE, "element": _element, "K": _KLEENE}
 
     def quick(self, formula: Formula, state: str) -> str:
         """Write it for values that are all known."""
@@ -269,19 +278,27 @@ class Writer:
     def leaf(self, formula: Formula, state: str, write: Callable[[Formula, str], str]) -> str:
         """Write what has no operator; empty for the rest."""
         if isinstance(formula, TagRef):
-            return f"{state}[{self.binder.names.indices[formula.name]}]"
+            return self.value(self.binder.names.indices[formula.name], state)
         if isinstance(formula, Literal):
             return repr(formula.value)
         if isinstance(formula, Duration):
             return repr(formula.ns)
         if isinstance(formula, Call) and formula.name == "ago":
-            return f"{state}[{self.binder.delay(formula).slot}]"
+            return self.value(self.binder.delay(formula).slot, state)
         if isinstance(formula, Element):
-            cells = f"cells{len(self.scope)}"
-            self.scope[cells] = self.binder.names.cells[formula.array, formula.rest]
-            indices = ", ".join(write(index, state) for index in formula.indices)
-            return f"element({state}, {cells}, {str(formula)!r}, {indices})"
+            cells = self.binder.names.cells[formula.array, formula.rest]
+            return self.element(formula, cells, [write(i, state) for i in formula.indices], state)
         return ""
+
+    def value(self, index: int, state: str) -> str:
+        """Write the value of a tag by its index."""
+        return f"{state}[{index}]"
+
+    def element(self, formula: Element, cells: Cells, indices: Sequence[str], state: str) -> str:
+        """Write an element of an array at written indices."""
+        name = f"cells{len(self.scope)}"
+        self.scope[name] = cells
+        return f"element({state}, {name}, {str(formula)!r}, {', '.join(indices)})"
 
 
 def _element(values: Values, cells: Cells, text: str, *indices: Value | None) -> Value | None:

@@ -55,6 +55,12 @@ class Watch:
         """Whether it may stand otherwise after some time in which nothing changed."""
         return self._evaluator.restless
 
+    @property
+    def fixed(self) -> list[object]:
+        """What never changes, so that copies of the watch can share it."""
+        return [self.entry, self._binder, *walk(self.entry.formula), *walk(self._formula),
+                *self._recent]
+
     def use(self, evaluator: Evaluator) -> None:
         """Let an evaluator judge the formula."""
         self._evaluator = evaluator

@@ -6,7 +6,7 @@ Paths in a file are relative to that file. `extends` takes another configuration
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -22,10 +22,12 @@ from pydantic import (
     field_validator,
 )
 
+from plant_sim.devices import SAMPLE_NS, Device
 from plant_sim.registry import load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
 from plcemu.base.time import DurationError, parse_duration_ns
+from plcemu.engine.interpreter import BUDGET
 from plcemu.runtime.yamltext import KeyPath, read_yaml
 
 FILE_NAME = "config.yaml"
@@ -93,6 +95,7 @@ Factor = Annotated[Fraction, BeforeValidator(_factor)]
 Texts = Annotated[list[str], BeforeValidator(_texts)]
 Number = Annotated[bool | int | float, BeforeValidator(_number)]
 Unit = Annotated[int, Field(ge=0, le=255)]
+Budget = Annotated[int, Field(ge=1, le=10**15)]
 
 
 class Section(BaseModel):
@@ -102,12 +105,18 @@ class Section(BaseModel):
 
 
 class TaskSection(Section):
-    """A periodic task: lower priority numbers run first."""
+    """A task: lower priority numbers run first.
 
-    interval: PositiveDuration
-    priority: int = Field(0, ge=0, le=65535)
-    phase: Duration = 0
-    programs: Texts
+    With programs it is a periodic task of its own. Without, it is the task of that name in the
+    program text, and what is given here takes the place of what is said there.
+    """
+
+    interval: PositiveDuration | None = None
+    priority: int | None = Field(None, ge=0, le=65535)
+    phase: Duration | None = None
+    programs: Texts | None = None
+    budget: Budget | None = None
+    watchdog: PositiveDuration | None = None
 
 
 class RangeSection(Section):
@@ -134,6 +143,19 @@ class ModbusSection(Section):
     idle_timeout: PositiveDuration = 60_000_000_000
     requests_per_scan: int | None = Field(default=None, ge=1)
     ranges: list[RangeSection] | None = None
+
+
+class RealtimeSection(Section):
+    """How punctual the daemon's cycle is to be."""
+
+    timer_slack: PositiveDuration = 1
+    scheduler: Literal["other", "fifo"] = "other"
+    priority: int = Field(default=20, ge=1, le=99)
+    cpus: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] | None = None
+    lock_memory: bool = False
+    gc_freeze: bool = True
+    reserve: Duration = 200_000
+    spin: Duration = 0
 
 
 class PointSection(Section):
@@ -173,15 +195,52 @@ def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
 
+class DeviceSection(Section):
+    """How a sensor or actuator is imperfect by nature."""
+
+    noise: float = Field(0.0, ge=0)
+    sample: PositiveDuration = SAMPLE_NS
+    resolution: float = Field(0.0, ge=0)
+    delay: Duration = 0
+    drift: float = 0.0
+    travel: Duration = 0
+
+    def device(self) -> Device:
+        """Return the device as the plant side knows it."""
+        return Device(self.noise, self.sample, self.resolution, self.delay, self.drift, self.travel)
+
+
 class PlantSection(Section):
     """The soft plant and its wiring."""
 
     model: str
     parameters: dict[str, Any] = {}
+    seed: int = 0
+    devices: dict[str, DeviceSection] = {}
+    scenario: str | None = None
     time_scale: Factor = Fraction(1)
     inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
     outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
     period: PositiveDuration | None = None
+
+
+class LimitsSection(Section):
+    """Where a proof gives up as inconclusive."""
+
+    states: int = Field(default=5_000_000, ge=1)
+    time: PositiveDuration | None = None
+    memory_mb: int | None = Field(default=4096, ge=64)
+
+
+class VerifySection(Section):
+    """What `plcemu verify` proves, against which finite plant."""
+
+    abstraction: str | None = None
+    parameters: dict[str, Any] = {}
+    initial: str | None = None
+    merge: Literal["stable", "none"] = "stable"
+    properties: Texts = []
+    limits: LimitsSection = LimitsSection()
 
 
 class Config(Section):
@@ -192,12 +251,18 @@ class Config(Section):
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
+    budget: Budget = BUDGET
+    watchdog: PositiveDuration | None = None
+    sipn_single_firing: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
     modbus: ModbusSection = ModbusSection()
+    realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
     properties: Texts = []
+    plot: dict[str, Texts] = {}
+    verify: VerifySection = VerifySection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
@@ -211,6 +276,11 @@ class Config(Section):
     def property_paths(self) -> list[Path]:
         """The files of properties."""
         return [Path(p) for p in self.properties]
+
+    @property
+    def proof_paths(self) -> list[Path]:
+        """The files of properties that are only proved, besides those that are also monitored."""
+        return [Path(p) for p in self.verify.properties]
 
     def mistake(self, path: KeyPath, text: object) -> ConfigError:
         """Return the error of a mistake that shows only when the parts are put together.
@@ -260,22 +330,24 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
     try:
         config = Config.model_validate(values)
     except ValidationError as problems:
-        raise ConfigError([_problem(str(file), places, p) for p in problems.errors()]) from None
+        raise ConfigError([problem_text(str(file), places, p) for p in problems.errors()]) from None
     config._file, config._places = str(file), places
     return config
 
 
-_PATH_KEYS = ("program", "properties")
+_PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
     """Read a file over the one it extends; return values and the place of every key path."""
     values, lines = read_yaml(file)
     places = {key: f"{file}:{line}" for key, line in lines.items()}
-    for key in _PATH_KEYS:
-        if isinstance(values.get(key), str | list):
-            values[key] = [str(file.parent / p) if isinstance(p, str) else p
-                           for p in _as_list(values[key])]
+    for *above, key in _PATH_KEYS:
+        section = values.get(above[0]) if above else values
+        if isinstance(section, dict) and isinstance(section.get(key), str | list):
+            section[key] = [str(file.parent / p) if isinstance(p, str) else p
+                            for p in _as_list(section[key])]
+    _place_plant(values.get("plant"), file.parent)
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -292,6 +364,17 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         raise ConfigError([f"{where}: extends goes deeper than {_EXTENDS_LIMIT} files"])
     base_values, base_places = _read(base_file, extended)
     return _merged(base_values, values), {**base_places, **places}
+
+
+def _place_plant(plant: Any, folder: Path) -> None:
+    """Let the files of a plant's section be relative to the configuration's folder."""
+    if not isinstance(plant, dict):
+        return
+    model, scenario = plant.get("model"), plant.get("scenario")
+    if isinstance(model, str) and (model.endswith(".py") or ".py:" in model):
+        plant["model"] = str(folder / model)
+    if isinstance(scenario, str):
+        plant["scenario"] = str(folder / scenario)
 
 
 def _as_list(value: Any) -> list[Any]:
@@ -336,7 +419,7 @@ def _is_point(path: Sequence[str], value: object) -> bool:
     return path[0] == "plant" and path[-1] == "scale" and isinstance(value, str)
 
 
-_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"))
+_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"), ("plant", "devices"))
 """Sections whose keys are the user's names, which may hold dots."""
 
 
@@ -351,7 +434,8 @@ def _resolve(values: Mapping[str, Any], name: str) -> list[str]:
     for free in _FREE_KEYS:
         rest = parts[len(free):]
         if tuple(parts[:len(free)]) == free and rest:
-            ending = rest[-1:] if rest[-1] in PointSection.model_fields and len(free) > 1 else []
+            keys = _SECTIONS[(*free, "*")].model_fields if len(free) > 1 else ()
+            ending = rest[-1:] if rest[-1] in keys else []
             return [*free, ".".join(rest[:len(rest) - len(ending)]), *ending]
     return parts
 
@@ -364,10 +448,11 @@ def _short_name(values: Mapping[str, Any], name: str) -> list[str]:
         return ["plant", "parameters", name]
     if name in PlantSection.model_fields and isinstance(plant, dict):
         return ["plant", name]
-    if name in ModbusSection.model_fields:
-        return ["modbus", name]
+    for key, section in (("modbus", ModbusSection), ("verify", VerifySection)):
+        if name in section.model_fields:
+            return [key, name]
     options = [*known, *Config.model_fields, *PlantSection.model_fields,
-               *ModbusSection.model_fields]
+               *ModbusSection.model_fields, *VerifySection.model_fields]
     raise ConfigError([(f"--set {name}: there is no such parameter{did_you_mean(name, options)}; "
                         f"the plant's parameters are {', '.join(known) or 'none'}")])
 
@@ -383,7 +468,16 @@ def plant_parameters(model: str) -> list[str]:
 # ---------------------------------------------------------------- mistakes
 
 
-def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
+def problem_text(file: str, places: Mapping[KeyPath, str], error: Any,
+                 known: Callable[[KeyPath], Iterable[str]] | None = None) -> str:
+    """Return one line on a mistake that pydantic found: place, key, found, expected.
+
+    Args:
+        file: that was read.
+        places: of its keys.
+        error: as pydantic describes it.
+        known: the keys that may stand where one of this path stands.
+    """
     location: KeyPath = tuple(str(p) for p in error["loc"] if p != "[key]")
     where, path = _place(file, places, location), ".".join(location)
     if error["type"] == "invalid_key":
@@ -391,8 +485,8 @@ def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
     if error["type"] == "missing":
         return f"{where}: {path} is missing"
     if error["type"] == "extra_forbidden":
-        known = _known_keys(location)
-        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], known)}"
+        keys = (known or _known_keys)(location)
+        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], keys)}"
     return f"{where}: {path}: found {_shown(error['input'])}, expected {_expected(error)}"
 
 
@@ -421,9 +515,18 @@ def _expected(error: Any) -> str:
 
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
-    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("tasks", "*"): TaskSection,
-    ("modbus", "ranges", "*"): RangeSection, ("plant", "inputs", "*"): InputSection,
-    ("plant", "outputs", "*"): OutputSection}
+    (): Config,
+    ("tasks", "*"): TaskSection,
+    ("modbus",): ModbusSection,
+    ("modbus", "ranges", "*"): RangeSection,
+    ("plant",): PlantSection,
+    ("plant", "inputs", "*"): InputSection,
+    ("plant", "outputs", "*"): OutputSection,
+    ("plant", "devices", "*"): DeviceSection,
+    ("realtime",): RealtimeSection,
+    ("verify",): VerifySection,
+    ("verify", "limits"): LimitsSection,
+}
 
 
 def _known_keys(location: KeyPath) -> Iterable[str]:

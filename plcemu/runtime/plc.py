@@ -4,33 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeAlias
 
 from plcemu.base.errors import UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.time import parse_duration_ns
 from plcemu.base.trace import Trace
 from plcemu.base.types import Value
-from plcemu.engine.resource import Resource, State
+from plcemu.engine.interpreter import BUDGET
+from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange, Extent
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
+from plcemu.runtime.debugger import Debugger
+from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 
 
 def compile(source: str | Path | Iterable[str | Path], *,
-            final_scan: bool = False) -> Program:
+            final_scan: bool = False, single_firing: bool = False) -> Program:
     """Compile a program text, a file or several files.
 
     Args:
         source: what to compile.
         final_scan: whether the actions of charts run once more in the scan in which they end.
+        single_firing: whether Signal Interpreted Petri Nets fire once in a scan, instead of until
+            they are stable.
 
     Raises:
         CompileError: with every mistake in `diagnostics`.
     """
-    return compile_program(source, final_scan=final_scan)
+    return compile_program(source, final_scan=final_scan, single_firing=single_firing)
 
 
 def make_exchange(resource: Resource) -> Exchange:
@@ -40,6 +45,10 @@ def make_exchange(resource: Resource) -> Exchange:
     return Exchange(resource.memory.block, extents)
 
 
+PlcState: TypeAlias = "bytes | int | Plc"
+"""A state to compare: a snapshot, the number of a recorded scan, or a PLC as it stands."""
+
+
 class Plc:
     """A PLC at its cold start, `t_ns == 0`, in virtual time.
 
@@ -47,21 +56,25 @@ class Plc:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
         engine: `auto` or `interpreter`.
-        record: keep a `trace`.
+        record: keep a `trace`, and a history to travel in.
+        history: whether to keep a history without a trace, or how many bytes it may take; then
+            the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
         tasks: instead of the program's own.
         safe_outputs: values of outputs while not in RUN; all others are 0 or FALSE.
+        budget: instructions that jumps backwards may cost in one run of a task; one that needs more
+            has run away and ends in FAULT.
 
     Raises:
         CompileError: the program text is wrong.
-        PlcemuError: an unknown engine, a cycle that is not positive.
+        PlcemuError: an unknown engine, a cycle or budget that is not positive.
     """
 
     def __init__(self, program: Program | str | Path, cycle: str | int = "10ms",
-                 engine: str = "auto", *, record: bool = False,
+                 engine: str = "auto", *, record: bool = False, history: bool | int = False,
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
         compiled = program if isinstance(program, Program) else compile_program(program)
-        self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs)
+        self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs, budget)
         self._resource = Resource(*self._arguments)
         self._exchange = make_exchange(self._resource)
         self._cycle = Cycle(self._resource, self._exchange)
@@ -69,6 +82,8 @@ class Plc:
         self._trace = Trace(self._cycle.tags) if record else None
         if self._trace is not None:
             self._cycle.observers.append(self._trace)
+        limit = LIMIT_BYTES if history is True or (record and history is False) else history
+        self._history = History(self._cycle, limit) if limit is not False else None
 
     # ------------------------------------------------------------ values
 
@@ -96,6 +111,11 @@ class Plc:
         self._resource.inputs_changed()
 
     @property
+    def cycle(self) -> Cycle:
+        """What executes its laps."""
+        return self._cycle
+
+    @property
     def tags(self) -> TagTable:
         """The tag table."""
         return self._cycle.tags
@@ -116,6 +136,10 @@ class Plc:
         """Execute all releases of the next stretch of time, such as `"2s"`, or ns."""
         self._cycle.run_virtual(self.t_ns + parse_duration_ns(duration))
 
+    def debug(self) -> Debugger:
+        """Return a debugger at work on this PLC, which stands between two scans."""
+        return Debugger(self.cycle)
+
     # ------------------------------------------------------------ state
 
     @property
@@ -130,16 +154,18 @@ class Plc:
 
     def stop(self) -> None:
         """Go to STOP; outputs take their safe values."""
-        self._resource.stop()
-        self._exchange.update_outputs()
+        self._cycle.stop()
 
-    def start(self, cold: bool = False) -> None:
-        """Go to RUN, with memory as it is or, for a cold start, with its initial values."""
-        if cold:
-            self._resource.cold_start()
-            self._exchange.update_outputs()
-        elif self._resource.state is not State.RUN:
-            self._resource.resume()
+    def resume(self) -> None:
+        """Go from STOP or FAULT to RUN, with memory as it is."""
+        self._cycle.resume()
+
+    def restart(self, cold: bool = False) -> None:
+        """Begin anew, from any state: the next scan is a first scan.
+
+        A warm restart keeps the values of retained variables; in a cold one all are initial.
+        """
+        self._cycle.restart(cold)
 
     def snapshot(self) -> bytes:
         """Return the whole state of the program; it holds no absolute time."""
@@ -150,17 +176,89 @@ class Plc:
         self._resource.restore(image)
         self._exchange.update_outputs()
 
-    def fork(self) -> Self:
-        """Return an independent PLC in the same state at the same instant."""
-        compiled, cycle_ns, engine, tasks, safe_outputs = self._arguments
-        twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None, tasks=tasks,
-                          safe_outputs=safe_outputs)
-        twin._resource.become(self._resource)
-        twin._exchange.become(self._exchange)
-        twin._access.repeat(self._access)
-        twin._cycle.t_ns, twin._cycle.now_ns = self._cycle.t_ns, self._cycle.now_ns
-        twin._cycle.scan_number = self._cycle.scan_number
+    def fork(self, scan: int | None = None) -> Self:
+        """Return an independent PLC in the same state, or in the one before a recorded scan.
+
+        Raises:
+            HistoryError: the scan is not in the history.
+        """
+        compiled, cycle_ns, engine, tasks, safe_outputs, budget = self._arguments
+        limit = self._history.limit_bytes if self._history is not None else False
+        twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None,
+                          history=limit, tasks=tasks, safe_outputs=safe_outputs, budget=budget)
+        if scan is None or scan == self.scan_number:
+            twin._cycle.return_to(self._cycle.checkpoint())
+            twin._access.repeat(self._access)
+        else:
+            self.history.place(twin._cycle, scan)
+        twin._cycle.tell_all()
         return twin
+
+    # ------------------------------------------------------------ time travel
+
+    @property
+    def scan_number(self) -> int:
+        """The number of the next scan, from 0."""
+        return self._cycle.scan_number
+
+    @property
+    def history(self) -> History:
+        """The recorded past; raises `HistoryError` unless the PLC was made to keep one."""
+        if self._history is None:
+            raise HistoryError("nothing is recorded; make the PLC with record=True or history=True")
+        return self._history
+
+    def rewind(self, scan: int | None = None, *, t_ns: int | None = None) -> None:
+        """Return to where the PLC stood before a scan, or before the first one from an instant on.
+
+        Memory, image, forces and state are as the scan found them; writes that waited for it are
+        not repeated. The trace is cut there. The scans from there on can be replayed until others
+        take their place.
+
+        Raises:
+            HistoryError: it is not in the history.
+            TypeError: neither or both are given.
+        """
+        if (scan is None) is (t_ns is None):
+            raise TypeError("rewind takes a scan number or t_ns=…, one of the two")
+        history = self.history
+        target = history.scan_at(t_ns) if t_ns is not None else scan
+        assert target is not None
+        history.rewind(target)
+
+    def replay(self, until_scan: int | None = None) -> None:
+        """Execute the recorded scans again, with their writes, forces and commands.
+
+        Args:
+            until_scan: the scan before which to stop; by default the end of the record.
+
+        Raises:
+            HistoryError: the scan is not recorded, or the PLC was changed since the rewind.
+        """
+        self.history.replay(until_scan)
+
+    def diff(self, old: PlcState, new: PlcState | None = None) -> list[Difference]:
+        """Return the tags of the program that differ between two states, in order of the table.
+
+        A state is a snapshot, the number of a recorded scan, or a PLC of the same program.
+
+        Args:
+            old: the one state.
+            new: the other; by default this PLC as it stands.
+
+        Raises:
+            HistoryError: a scan is not in the history.
+            ValueError: a snapshot of another program.
+        """
+        return differences(self._resource.memory, self._state_of(old),
+                           self._state_of(self if new is None else new))
+
+    def _state_of(self, state: PlcState) -> bytes:
+        if isinstance(state, Plc):
+            return state.snapshot()
+        if isinstance(state, int):
+            return self.fork(state).snapshot()
+        return state
 
     @property
     def trace(self) -> Trace:

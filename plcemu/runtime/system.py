@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import plcemu
@@ -11,22 +12,34 @@ from hil.coupling import Coupling, CouplingError, points
 from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
+from plant_sim.rig import Rig
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
-from plcemu.engine.resource import ENGINES, Resource
+from plcemu.engine.engines import ENGINES
+from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
-from plcemu.modbus import RUN_OBJECT, AddressMap, Identity, MapRange, ModbusTcpServer, ObjectType
+from plcemu.modbus import (
+    FAULT_OBJECT,
+    RUN_OBJECT,
+    STATE_OBJECT,
+    AddressMap,
+    Identity,
+    MapRange,
+    ModbusTcpServer,
+    ObjectType,
+)
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
-from plcemu.runtime.config import Config, PointSection
+from plcemu.runtime.config import Config, PlantSection, PointSection, TaskSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
+from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
 
 
 class System:
@@ -42,20 +55,24 @@ class System:
     Args:
         config: the configuration.
         with_plant: whether the configured plant runs in this process.
+        scenario: what comes from outside, besides the scenario of the configuration.
 
     Raises:
         CompileError: the program or a property is wrong.
         ConfigError: the plant, its wiring, a task or an output does not exist.
     """
 
-    def __init__(self, config: Config, with_plant: bool = True) -> None:
+    def __init__(self, config: Config, with_plant: bool = True,
+                 scenario: Scenario = Scenario()) -> None:  # noqa: B008
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
         self.warnings = list(program.warnings)
-        self.resource = _make_resource(config, program)
+        self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
         self._map = make_map(config)
-        plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
+        scenario = configured_scenario(config) + scenario
+        plant = LocalPlant(make_coupling(config, scenario), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
         self.properties = _load_properties(config)
         self.not_judged: list[str] = []
@@ -70,6 +87,15 @@ class System:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
+        if scenario:
+            self.cycle.player = self._player(scenario)
+
+    def _player(self, scenario: Scenario) -> Player:
+        if self.plant is None:
+            return Player(scenario, self.resource, self.exchange)
+        coupling = self.plant.coupling
+        driven = {str(point.address): point.name for point in coupling.inputs}
+        return Player(scenario, self.resource, self.exchange, coupling.plant, driven)
 
     def _speaks_of(self, facts: TagTable, entry: Property) -> bool:
         """Whether a property names a fact of the plant, which is not known without the plant."""
@@ -81,8 +107,12 @@ class System:
         section = self.config.modbus
         # Identification objects are ASCII of bounded length; a name need not be.
         name = self.config.name.encode("ascii", "replace").decode()[:OBJECT_BYTES]
-        identity = Identity(revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
-                            application_name=name, extended={RUN_OBJECT: uuid.uuid4().hex})
+        identity = Identity(
+            revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
+            application_name=name,
+            extended={RUN_OBJECT: uuid.uuid4().hex,
+                      STATE_OBJECT: lambda: self.resource.state.value,
+                      FAULT_OBJECT: lambda: str(self.resource.fault or "")})
         return ModbusTcpServer(
             self.exchange, self._map, identity, host=section.host, port=section.port,
             units=section.units, max_connections=section.max_connections,
@@ -119,28 +149,65 @@ def _load_properties(config: Config) -> list[Property]:
         raise config.mistake(("properties",), f"{problem.filename}: {problem.strerror}") from None
 
 
-def _make_resource(config: Config, program: Program) -> Resource:
-    """Return the resource with the configured tasks and safe outputs."""
-    tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
-             for name, t in config.tasks.items()]
-    if tasks:
-        _check_programs(config, program)
+def make_resource(config: Config, program: Program) -> Resource:
+    """Return the resource with the configured tasks and safe outputs.
+
+    Raises:
+        ConfigError: a task, its programs or a safe output does not fit the program.
+    """
+    tasks = make_tasks(config, program)
     _check_safe_outputs(config, program)
     try:
-        return Resource(program, config.cycle, config.engine, tasks or None, config.safe_outputs)
+        return Resource(program, config.cycle, config.engine, tasks, config.safe_outputs,
+                        config.budget)
     except (PlcemuError, ValueError) as problem:
         key = "engine" if config.engine not in ENGINES else "tasks"
         raise config.mistake((key,), problem) from None
 
 
-def _check_programs(config: Config, program: Program) -> None:
+def make_tasks(config: Config, program: Program) -> list[Task]:
+    """Return the tasks of a program as configured.
+
+    Tasks with programs take the place of the program's own; the others change its own.
+
+    Raises:
+        ConfigError: a program is in no task or in several, or a task does not exist.
+    """
+    new = {name for name, section in config.tasks.items() if section.programs is not None}
+    tasks = {name.casefold(): Task(name) for name in new} if new else \
+        {task.name.casefold(): task for task in program.tasks}
+    if len({name.casefold() for name in config.tasks}) < len(config.tasks):
+        raise config.mistake(("tasks",), "two tasks have one name (case does not count)")
+    for name, section in config.tasks.items():
+        if name.casefold() not in tasks:
+            known = ", ".join(task.name for task in tasks.values())
+            raise config.mistake(("tasks", name), f"names no programs, and is no task of the "
+                                 f"program text; there is {known}")
+        if name in new and section.interval is None:
+            raise config.mistake(("tasks", name, "interval"), "is missing")
+        tasks[name.casefold()] = _configured(tasks[name.casefold()], section)
+    if new:
+        _check_programs(config, program, tasks.values())
+    watchdog = config.watchdog or 0
+    return [replace(task, watchdog_ns=task.watchdog_ns or watchdog) for task in tasks.values()]
+
+
+def _configured(task: Task, section: TaskSection) -> Task:
+    given: dict[str, Any] = {
+        "interval_ns": section.interval, "priority": section.priority,
+        "phase_ns": section.phase, "budget": section.budget, "watchdog_ns": section.watchdog,
+        "programs": tuple(section.programs) if section.programs is not None else None}
+    return replace(task, **{key: value for key, value in given.items() if value is not None})
+
+
+def _check_programs(config: Config, program: Program, tasks: Iterable[Task]) -> None:
     """Demand that each program is in exactly one task: else it never runs, or runs too often."""
-    placed = [name.casefold() for task in config.tasks.values() for name in task.programs]
+    placed = [name.casefold() for task in tasks for name in task.programs]
     for instance in program.instances:
-        tasks = placed.count(instance.name.casefold())
-        if tasks != 1:
+        count = placed.count(instance.name.casefold())
+        if count != 1:
             raise config.mistake(("tasks",), f"found program {instance.name} in "
-                                 f"{tasks or 'no'} tasks, expected it in one")
+                                 f"{count or 'no'} tasks, expected it in one")
 
 
 def _check_safe_outputs(config: Config, program: Program) -> None:
@@ -179,15 +246,38 @@ def make_map(config: Config) -> AddressMap:
         raise config.mistake(("modbus", "ranges"), problem) from None
 
 
-def make_plant(config: Config) -> Plant:
-    """Return the configured plant.
+def configured_scenario(config: Config) -> Scenario:
+    """Return the scenario that a configuration names, or an empty one.
 
     Raises:
-        ConfigError: there is no such plant or parameter, or a value does not fit.
+        ConfigError: the file is wrong.
+    """
+    if config.plant is None or config.plant.scenario is None:
+        return Scenario()
+    return load_scenario(config.plant.scenario)
+
+
+def make_plant(config: Config, scenario: Scenario = Scenario()) -> Plant:  # noqa: B008
+    """Return the configured plant with its devices, and the faults of a scenario to come.
+
+    Raises:
+        ConfigError: there is no such plant, parameter, port or fault, or a value does not fit.
     """
     section = config.plant
     if section is None:
         raise config.mistake(("plant",), "is missing")
+    plant = _load_plant(config, section)
+    injections = injections_of(scenario, plant, section.time_scale)
+    if not (section.devices or injections):
+        return plant
+    devices = {name: device.device() for name, device in section.devices.items()}
+    try:
+        return Rig(plant, devices, injections, section.seed)
+    except ValueError as problem:
+        raise config.mistake(("plant", "devices"), problem) from None
+
+
+def _load_plant(config: Config, section: PlantSection) -> Plant:
     try:
         return load(section.model, section.parameters)
     except PlantLoadError as problem:
@@ -200,13 +290,13 @@ def make_plant(config: Config) -> Plant:
                              f"{problem}") from problem
 
 
-def make_coupling(config: Config) -> Coupling:
-    """Return the configured plant with its wiring.
+def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
+    """Return the configured plant with its wiring, and the faults of a scenario to come.
 
     Raises:
         ConfigError: the plant or its wiring does not exist.
     """
-    plant = make_plant(config)
+    plant = make_plant(config, scenario)
     section = config.plant
     assert section is not None
     ports = plant.ports
