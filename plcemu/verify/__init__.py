@@ -1,0 +1,1 @@
+"""Proofs over the program that runs: transition systems, exploration, fair cycles, schedules."""
