@@ -100,7 +100,7 @@ class HeatingTank(HybridAutomaton):
             switch("i5", "stop button", of="stop"),
             gauge("level", "contents above the outlet", "l", high=p.capacity_l, resolution=0.1),
             gauge("temperature", "temperature of the contents", "degC", high=200.0,
-                  resolution=0.1),
+                  resolution=1.0),
             actuator("o1", "valve 1, filling"),
             actuator("o2", "valve 2, emptying"),
             actuator("o3", "stirring motor"),
