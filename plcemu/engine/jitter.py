@@ -1,7 +1,7 @@
 """Jitter: releases whose distance varies from one to the next, as the cycle of a real PLC does.
 
-The deviations add up: cycle k begins where cycle k - 1 ended, as in a PLC that times each cycle from
-its own beginning. Every deviation is drawn by the seed, so a run can be repeated.
+The deviations add up: cycle k begins where cycle k - 1 ended, as in a PLC that times each cycle
+from its own beginning. Every deviation is drawn by the seed, so a run can be repeated.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from random import Random
 
-_WHOLE = 1 << 53
+_BITS = 53
+_WHOLE = (1 << _BITS) - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +44,15 @@ class JitteredReleases:
     def __init__(self, start: int, step: int, jitter: Jitter, name: str) -> None:
         self._times = [start]
         self._step = step
-        self._spread = step * jitter.deviation
+        self._spread = step * jitter.deviation.numerator, _WHOLE * jitter.deviation.denominator
         self._random = Random(f"{jitter.seed}/{name.casefold()}")
         self._fixed = self._draw() if jitter.per_run else 0
 
     def _draw(self) -> int:
         """Return a duration, evenly distributed over the whole ns within the jitter, at least 1."""
-        shift = self._spread * (2 * self._random.randrange(_WHOLE + 1) - _WHOLE) / _WHOLE
-        return max(1, self._step + round(shift))
+        top, bottom = self._spread
+        shift = top * (2 * self._random.getrandbits(_BITS) - _WHOLE)
+        return max(1, self._step + (2 * shift + bottom) // (2 * bottom))
 
     def _reach(self, t_ns: int) -> None:
         times = self._times

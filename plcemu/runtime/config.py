@@ -10,6 +10,7 @@ import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -24,7 +25,7 @@ from pydantic import (
     field_validator,
 )
 
-from plant_sim.registry import load
+from plant_sim.registry import PLANTS, load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
 from plcemu.base.time import DurationError, parse_duration_ns
@@ -96,6 +97,11 @@ def _number(value: object) -> object:
 
 def _texts(value: object) -> object:
     return [value] if isinstance(value, str) else value
+
+
+def _listed(value: object) -> object:
+    """Take a list or a number for the text of what is varied."""
+    return ", ".join(map(str, value)) if isinstance(value, list) else _text(value)
 
 
 def _text(value: object) -> object:
@@ -175,6 +181,16 @@ class RealtimeSection(Section):
     gc_freeze: bool = True
     reserve: Duration = 200_000
     spin: Duration = 0
+
+
+class SweepSection(Section):
+    """A family of runs, for `plcemu sweep`."""
+
+    until: PositiveDuration | None = None
+    runs: int = Field(default=1, ge=1, le=10_000_000)
+    seed: int | None = Field(default=None, ge=0, lt=2**63)
+    vary: dict[str, Annotated[str, BeforeValidator(_listed)]] = {}
+    collect: Texts = []
 
 
 class PointSection(Section):
@@ -262,6 +278,7 @@ class Config(Section):
     modbus: ModbusSection = ModbusSection()
     realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
+    sweep: SweepSection = SweepSection()
     properties: Texts = []
     verify: VerifySection = VerifySection()
 
@@ -486,10 +503,18 @@ def _short_name(values: Mapping[str, Any], name: str) -> list[str]:
 
 def plant_parameters(model: str) -> list[str]:
     """Return the names of a plant model's parameters; none for a model that cannot be made."""
+    return _parameters_of_own(model) if model in PLANTS else _parameters_of(model)
+
+
+def _parameters_of(model: str) -> list[str]:
     try:
         return [row.name for row in load(model).parameters.table()]
     except Exception:  # a user's own class may raise anything; making the plant tells what
         return []
+
+
+_parameters_of_own = cache(_parameters_of)
+"""Of the package's own plants, which do not change while it runs."""
 
 
 # ---------------------------------------------------------------- mistakes
@@ -535,6 +560,7 @@ def _expected(error: Any) -> str:
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
     (): Config,
     ("jitter",): JitterSection,
+    ("sweep",): SweepSection,
     ("tasks", "*"): TaskSection,
     ("modbus",): ModbusSection,
     ("modbus", "ranges", "*"): RangeSection,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import plcemu
 from hil.coupling import Coupling, CouplingError, points
@@ -31,6 +31,25 @@ from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
 
 
+class Parts(NamedTuple):
+    """What of a system is the same for all runs of one program: compiled program, properties."""
+
+    program: Program
+    properties: list[Property]
+
+
+def load_parts(config: Config) -> Parts:
+    """Compile the program and read the properties of a configuration.
+
+    Raises:
+        CompileError: the program or a property is wrong.
+        ConfigError: a file of properties cannot be read.
+    """
+    program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                              single_firing=config.sipn_single_firing)
+    return Parts(program, _load_properties(config))
+
+
 class System:
     """Everything that one configuration describes.
 
@@ -44,23 +63,24 @@ class System:
     Args:
         config: the configuration.
         with_plant: whether the configured plant runs in this process.
+        parts: program and properties, if they are loaded already.
 
     Raises:
         CompileError: the program or a property is wrong.
         ConfigError: the plant, its wiring, a task or an output does not exist.
     """
 
-    def __init__(self, config: Config, with_plant: bool = True) -> None:
+    def __init__(self, config: Config, with_plant: bool = True,
+                 parts: Parts | None = None) -> None:
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
-                                  single_firing=config.sipn_single_firing)
+        program, properties = parts or load_parts(config)
         self.warnings = list(program.warnings)
         self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
         self._map = make_map(config)
         plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
-        self.properties = _load_properties(config)
+        self.properties = properties
         self.not_judged: list[str] = []
         """Names of the properties that speak of a plant which is not in this process."""
         if plant is not None and self.plant is None:
