@@ -21,11 +21,14 @@ from plcemu.base.tags import TagTable
 from plcemu.base.trace import Frame
 from plcemu.base.types import Value
 from plcemu.runtime.config import Config, ConfigText
-from plcemu.runtime.system import Parts, System, load_parts
+from plcemu.runtime.system import Parts, System, load_parts, make_plant
 from plcemu.runtime.variation import Variation
 
 RUNS_LIMIT = 10_000_000
 """Runs of one sweep."""
+
+CHECKED = 2_000
+"""Combinations that are checked before the first run; later ones tell their mistakes as results."""
 
 _MEASURE = re.compile(r"(min|max|last)\s*\((.+)\)", re.IGNORECASE)
 
@@ -102,7 +105,7 @@ class Design:
     def corners(self) -> Iterator[Run]:
         """Yield runs whose configurations are right if those of all runs are: ranges at an end."""
         for point in product(*(v.values for v in self.grid)):
-            for end in (0, 1):
+            for end in (0, 1) if len(self.grid) < len(self.variations) else (0,):
                 values = dict(zip((v.name for v in self.grid), point, strict=True))
                 yield Run(0, point, {v.name: values.get(v.name) or v.ends[end]
                                      for v in self.variations})
@@ -134,7 +137,7 @@ class Plan:
         """Execute a run from its cold start."""
         config = self.config(run)
         try:
-            system = System(config, parts=self.parts[parts_key(config)])
+            system = System(config, parts=self.parts.get(parts_key(config)))
             extremes = _Extremes.of(system, self.measures)
             system.cycle.run_virtual(self.until_ns)
         except PlcemuError as problem:
@@ -225,8 +228,10 @@ def make_plan(text: ConfigText, overrides: Sequence[str], until_ns: int, design:
     plan = Plan(text, tuple(overrides), until_ns, (), {})
     parts: dict[tuple[Any, ...], Parts] = {}
     tried: dict[tuple[Any, ...], System] = {}
-    for run in design.corners():
+    for run in islice(design.corners(), CHECKED):
         config = plan.config(run)
+        if config.plant is not None:
+            make_plant(config)
         key = parts_key(config)
         if key not in parts:
             parts[key] = load_parts(config)

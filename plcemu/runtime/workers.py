@@ -97,7 +97,7 @@ def run_on_cluster(plan: Plan, design: Design, address: str) -> Iterator[list[Re
         futures: list[Any] = client.map(execute_chunk, list(chunks(design, CHUNK)), plan=data,
                                         pure=False)
         try:
-            for future in distributed.as_completed(futures):
+            for future in distributed.as_completed(futures, loop=client.loop):
                 yield _result_of(future)
         finally:
             client.cancel([f for f in futures if not f.done()])
