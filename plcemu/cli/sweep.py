@@ -14,8 +14,9 @@ from rich.table import Table
 from plcemu.base.errors import PlcemuError
 from plcemu.cli.output import add_config_arguments, console, duration, print_json
 from plcemu.runtime.config import ConfigText
+from plcemu.runtime.plot import FORMATS, check_plot
 from plcemu.runtime.sweep import Design, Plan, Result, make_plan
-from plcemu.runtime.sweep_table import PLOTS, Summary, save_csv, save_plot, summarise
+from plcemu.runtime.sweep_table import Summary, save_csv, save_plot, summarise
 from plcemu.runtime.variation import SYNTAX, parse_variation
 from plcemu.runtime.workers import cores, run_here, run_on_cluster, run_on_cores
 
@@ -54,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "it all facts of the plant")
     parser.add_argument("--csv", metavar="FILE", type=Path, help="write one row a run")
     parser.add_argument("--plot", metavar="FILE", type=Path,
-                        help=f"draw what was collected ({', '.join(PLOTS)})")
+                        help=f"draw what was collected ({', '.join(FORMATS)})")
     parser.add_argument("--workers", metavar="N", type=_count,
                         help="processes (default: one a core)")
     parser.add_argument("--scheduler", metavar="ADDRESS",
@@ -100,9 +101,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _check_files(arguments: argparse.Namespace) -> None:
     """Refuse at once what could not be written after a long sweep."""
-    if arguments.plot is not None and arguments.plot.suffix.lower() not in PLOTS:
-        raise PlcemuError(f"--plot {arguments.plot}: found the ending {arguments.plot.suffix!r}, "
-                          f"expected one of {', '.join(PLOTS)}")
+    if arguments.plot is not None:
+        check_plot(arguments.plot)
     for path in (arguments.csv, arguments.plot):
         if path is not None and (path.is_dir() or not path.parent.is_dir()):
             raise PlcemuError(f"{path}: cannot be written: it is a folder, or in no folder")

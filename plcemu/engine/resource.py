@@ -14,7 +14,7 @@ from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.time import format_duration
 from plcemu.base.types import Value
-from plcemu.engine.engines import make_engine
+from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.jitter import Jitter, count_distinct
 from plcemu.engine.memory import Memory
@@ -28,6 +28,10 @@ class State(enum.Enum):
     RUN = "RUN"
     STOP = "STOP"
     FAULT = "FAULT"
+
+
+Probe = Callable[[Task, Code], None]
+"""Runs a task's code in its own way; raises `ProgramFault`."""
 
 
 class Checkpoint(NamedTuple):
@@ -79,6 +83,8 @@ class Resource:
         self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
         """What is measured of each of `tasks`, in their order."""
         self._safe = self._safe_places(safe_outputs or {})
+        self.probe: Probe | None = None
+        """Who is asked to run the tasks instead, such as a debugger; None for nobody."""
         self._last_ns: int | None = None
         self._left = bytes(self.memory.block)
 
@@ -169,8 +175,7 @@ class Resource:
             self.engine.advance_clocks(elapsed)
         for state in self._tasks:
             if state.releases.is_due(t_ns):
-                state.ran = self._is_wanted(state)
-                if state.ran:
+                if self._is_wanted(state):
                     run(state, t_ns)
                 else:
                     state.quiet = state.still = True
@@ -196,7 +201,10 @@ class Resource:
     def _run(self, state: TaskState, t_ns: int) -> None:
         state.statistics.scans += 1
         try:
-            state.code.run()
+            if self.probe is None:
+                state.code.run()
+            else:
+                self.probe(state.task, state.code)
         except ProgramFault as fault:
             self._fail(ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
                                     place=fault.place, t_ns=t_ns))
@@ -296,10 +304,10 @@ class Resource:
 
     def passed_over(self, first_ns: int, before_ns: int) -> None:
         """Count the runs in [first, before) that were not made because they change nothing."""
-        if self.state is State.RUN:
-            for state in self._tasks:
-                if state.ran and not state.looks_for_event:
-                    state.statistics.scans += state.releases.count(first_ns, before_ns)
+        for state in self._tasks if self.state is State.RUN else ():
+            event = state.event
+            if event is None or not (state.looks_for_event or self.memory.block[event.trigger]):
+                state.statistics.scans += state.releases.count(first_ns, before_ns)
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""

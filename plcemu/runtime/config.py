@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -25,6 +25,7 @@ from pydantic import (
     field_validator,
 )
 
+from plant_sim.devices import SAMPLE_NS, Device
 from plant_sim.registry import PLANTS, load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
@@ -238,11 +239,29 @@ def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
 
+class DeviceSection(Section):
+    """How a sensor or actuator is imperfect by nature."""
+
+    noise: float = Field(0.0, ge=0)
+    sample: PositiveDuration = SAMPLE_NS
+    resolution: float = Field(0.0, ge=0)
+    delay: Duration = 0
+    drift: float = 0.0
+    travel: Duration = 0
+
+    def device(self) -> Device:
+        """Return the device as the plant side knows it."""
+        return Device(self.noise, self.sample, self.resolution, self.delay, self.drift, self.travel)
+
+
 class PlantSection(Section):
     """The soft plant and its wiring."""
 
     model: str
     parameters: dict[str, Any] = {}
+    seed: int | None = None
+    devices: dict[str, DeviceSection] = {}
+    scenario: str | None = None
     time_scale: Factor = Fraction(1)
     inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
     outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
@@ -290,6 +309,7 @@ class Config(Section):
     plant: PlantSection | None = None
     sweep: SweepSection = SweepSection()
     properties: Texts = []
+    plot: dict[str, Texts] = {}
     verify: VerifySection = VerifySection()
 
     _file: str = PrivateAttr("configuration")
@@ -374,7 +394,7 @@ class ConfigText:
         try:
             config = Config.model_validate(values)
         except ValidationError as problems:
-            raise ConfigError([_problem(str(self.file), places, p)
+            raise ConfigError([problem_text(str(self.file), places, p)
                                for p in problems.errors()]) from None
         config._file, config._places = str(self.file), places
         return config
@@ -411,6 +431,7 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         if isinstance(section, dict) and isinstance(section.get(key), str | list):
             section[key] = [str(file.parent / p) if isinstance(p, str) else p
                             for p in _as_list(section[key])]
+    _place_plant(values.get("plant"), file.parent)
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -427,6 +448,17 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         raise ConfigError([f"{where}: extends goes deeper than {_EXTENDS_LIMIT} files"])
     base_values, base_places = _read(base_file, extended)
     return _merged(base_values, values), {**base_places, **places}
+
+
+def _place_plant(plant: Any, folder: Path) -> None:
+    """Let the files of a plant's section be relative to the configuration's folder."""
+    if not isinstance(plant, dict):
+        return
+    model, scenario = plant.get("model"), plant.get("scenario")
+    if isinstance(model, str) and (model.endswith(".py") or ".py:" in model):
+        plant["model"] = str(folder / model)
+    if isinstance(scenario, str):
+        plant["scenario"] = str(folder / scenario)
 
 
 def _as_list(value: Any) -> list[Any]:
@@ -474,7 +506,7 @@ def _is_point(path: Sequence[str], value: object) -> bool:
     return path[0] == "plant" and path[-1] == "scale" and isinstance(value, str)
 
 
-_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"))
+_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"), ("plant", "devices"))
 """Sections whose keys are the user's names, which may hold dots."""
 
 
@@ -489,7 +521,8 @@ def _resolve(values: Mapping[str, Any], name: str) -> list[str]:
     for free in _FREE_KEYS:
         rest = parts[len(free):]
         if tuple(parts[:len(free)]) == free and rest:
-            ending = rest[-1:] if rest[-1] in PointSection.model_fields and len(free) > 1 else []
+            keys = _SECTIONS[(*free, "*")].model_fields if len(free) > 1 else ()
+            ending = rest[-1:] if rest[-1] in keys else []
             return [*free, ".".join(rest[:len(rest) - len(ending)]), *ending]
     return parts
 
@@ -530,7 +563,16 @@ _parameters_of_own = cache(_parameters_of)
 # ---------------------------------------------------------------- mistakes
 
 
-def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
+def problem_text(file: str, places: Mapping[KeyPath, str], error: Any,
+                 known: Callable[[KeyPath], Iterable[str]] | None = None) -> str:
+    """Return one line on a mistake that pydantic found: place, key, found, expected.
+
+    Args:
+        file: that was read.
+        places: of its keys.
+        error: as pydantic describes it.
+        known: the keys that may stand where one of this path stands.
+    """
     location: KeyPath = tuple(str(p) for p in error["loc"] if p != "[key]")
     where, path = _place(file, places, location), ".".join(location)
     if error["type"] == "invalid_key":
@@ -538,8 +580,8 @@ def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
     if error["type"] == "missing":
         return f"{where}: {path} is missing"
     if error["type"] == "extra_forbidden":
-        known = _known_keys(location)
-        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], known)}"
+        keys = (known or _known_keys)(location)
+        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], keys)}"
     return f"{where}: {path}: found {_shown(error['input'])}, expected {_expected(error)}"
 
 
@@ -577,6 +619,7 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("plant",): PlantSection,
     ("plant", "inputs", "*"): InputSection,
     ("plant", "outputs", "*"): OutputSection,
+    ("plant", "devices", "*"): DeviceSection,
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,
     ("verify", "limits"): LimitsSection,

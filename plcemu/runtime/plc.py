@@ -18,6 +18,7 @@ from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
+from plcemu.runtime.debugger import Debugger
 from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 
 
@@ -108,6 +109,11 @@ class Plc:
         self._resource.inputs_changed()
 
     @property
+    def cycle(self) -> Cycle:
+        """What executes its laps."""
+        return self._cycle
+
+    @property
     def tags(self) -> TagTable:
         """The tag table."""
         return self._cycle.tags
@@ -127,6 +133,10 @@ class Plc:
     def run_for(self, duration: str | int) -> None:
         """Execute all releases of the next stretch of time, such as `"2s"`, or ns."""
         self._cycle.run_virtual(self.t_ns + parse_duration_ns(duration))
+
+    def debug(self) -> Debugger:
+        """Return a debugger at work on this PLC, which stands between two scans."""
+        return Debugger(self.cycle)
 
     # ------------------------------------------------------------ state
 
@@ -213,8 +223,6 @@ class Plc:
         target = history.scan_at(t_ns) if t_ns is not None else scan
         assert target is not None
         history.rewind(target)
-        if self._trace is not None:
-            self._trace.cut(target)
 
     def replay(self, until_scan: int | None = None) -> None:
         """Execute the recorded scans again, with their writes, forces and commands.

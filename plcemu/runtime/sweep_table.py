@@ -15,9 +15,6 @@ from plcemu.runtime.sweep import Design, Plan, Result
 
 VIOLATED = "violated"
 
-PLOTS = (".svg", ".png", ".pdf")
-"""Endings of a plot's file."""
-
 
 @dataclass(frozen=True, slots=True)
 class Summary:
@@ -101,13 +98,10 @@ def save_plot(plan: Plan, design: Design, results: Sequence[Result], path: Path)
     several runs at one value; without a parameter, as a histogram.
 
     Raises:
-        PlcemuError: matplotlib is missing, or the file cannot be written.
+        PlcemuError: nothing can be drawn, or the file cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as problem:
-        raise PlcemuError(f"--plot needs the extra 'plot' ({problem}): "
-                          "pip install 'plcemu[plot]'") from None
+    from matplotlib.figure import Figure
+
     drawn = list(_drawn(plan, results))
     if not drawn:
         raise PlcemuError("--plot: no collected value is a number")

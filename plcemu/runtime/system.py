@@ -12,6 +12,7 @@ from hil.coupling import Coupling, CouplingError, points
 from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
+from plant_sim.rig import Rig
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
@@ -45,6 +46,7 @@ from plcemu.runtime.config import (
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
+from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
 
 
 class Parts(NamedTuple):
@@ -79,6 +81,7 @@ class System:
     Args:
         config: the configuration.
         with_plant: whether the configured plant runs in this process.
+        scenario: what comes from outside, besides the scenario of the configuration.
         parts: program and properties, if they are loaded already.
 
     Raises:
@@ -87,6 +90,7 @@ class System:
     """
 
     def __init__(self, config: Config, with_plant: bool = True,
+                 scenario: Scenario = Scenario(),  # noqa: B008
                  parts: Parts | None = None) -> None:
         self.config = config
         program, properties = parts or load_parts(config)
@@ -94,7 +98,8 @@ class System:
         self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
         self._map = make_map(config)
-        plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
+        scenario = configured_scenario(config) + scenario
+        plant = LocalPlant(make_coupling(config, scenario), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
         self.properties = properties
         self.not_judged: list[str] = []
@@ -109,6 +114,15 @@ class System:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
+        if scenario:
+            self.cycle.player = self._player(scenario)
+
+    def _player(self, scenario: Scenario) -> Player:
+        if self.plant is None:
+            return Player(scenario, self.resource, self.exchange)
+        coupling = self.plant.coupling
+        driven = {str(point.address): point.name for point in coupling.inputs}
+        return Player(scenario, self.resource, self.exchange, coupling.plant, driven)
 
     def _speaks_of(self, facts: TagTable, entry: Property) -> bool:
         """Whether a property names a fact of the plant, which is not known without the plant."""
@@ -266,15 +280,39 @@ def make_map(config: Config) -> AddressMap:
         raise config.mistake(("modbus", "ranges"), problem) from None
 
 
-def make_plant(config: Config) -> Plant:
-    """Return the configured plant.
+def configured_scenario(config: Config) -> Scenario:
+    """Return the scenario that a configuration names, or an empty one.
 
     Raises:
-        ConfigError: there is no such plant or parameter, or a value does not fit.
+        ConfigError: the file is wrong.
+    """
+    if config.plant is None or config.plant.scenario is None:
+        return Scenario()
+    return load_scenario(config.plant.scenario)
+
+
+def make_plant(config: Config, scenario: Scenario = Scenario()) -> Plant:  # noqa: B008
+    """Return the configured plant with its devices, and the faults of a scenario to come.
+
+    Raises:
+        ConfigError: there is no such plant, parameter, port or fault, or a value does not fit.
     """
     section = config.plant
     if section is None:
         raise config.mistake(("plant",), "is missing")
+    plant = _load_plant(config, section)
+    injections = injections_of(scenario, plant, section.time_scale)
+    if not (section.devices or injections):
+        return plant
+    devices = {name: device.device() for name, device in section.devices.items()}
+    try:
+        return Rig(plant, devices, injections,
+                   config.seed if section.seed is None else section.seed)
+    except ValueError as problem:
+        raise config.mistake(("plant", "devices"), problem) from None
+
+
+def _load_plant(config: Config, section: PlantSection) -> Plant:
     try:
         return load(section.model, _parameters(config, section))
     except PlantLoadError as problem:
@@ -290,16 +328,16 @@ def make_plant(config: Config) -> Plant:
 def _parameters(config: Config, section: PlantSection) -> dict[str, Any]:
     """Return the plant's parameters; a plant that draws by a seed takes the configuration's."""
     seeded = "seed" in plant_parameters(section.model)
-    return {**({"seed": config.seed} if seeded else {}), **section.parameters}
+    return {**({"seed": config.seed if section.seed is None else section.seed} if seeded else {}), **section.parameters}
 
 
-def make_coupling(config: Config) -> Coupling:
-    """Return the configured plant with its wiring.
+def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
+    """Return the configured plant with its wiring, and the faults of a scenario to come.
 
     Raises:
         ConfigError: the plant or its wiring does not exist.
     """
-    plant = make_plant(config)
+    plant = make_plant(config, scenario)
     section = config.plant
     assert section is not None
     ports = plant.ports

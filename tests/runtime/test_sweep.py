@@ -194,7 +194,7 @@ def test_the_command_writes_rows_and_a_plot(tmp_path, capsys):
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (["--vary", "cycle"], "--vary cycle: found no name and values"),
-    (["--plot", "x.txt"], "found the ending '.txt', expected one of .svg, .png, .pdf"),
+    (["--plot", "x.txt"], "found the ending '.txt', expected one of .svg, .pdf, .png"),
     (["--csv", "no/such/folder/x.csv"], "it is a folder, or in no folder"),
     (["--set", "sweep.runs=0"], "sweep.runs: found 0, expected"),
 ])
