@@ -57,7 +57,7 @@ class ZenoError(RuntimeError):
     """A plant that changes its mode for ever at one instant: a mistake in the plant's model."""
 
 
-class Moment(NamedTuple):
+class _Moment(NamedTuple):
     """All that a look ahead must put back."""
 
     t_ns: int
@@ -71,7 +71,6 @@ class Moment(NamedTuple):
     values: dict[str, PortValue]
     changes: dict[str, int]
     change_ns: int
-    mode: Any = None
 
 
 class SensorReading(Protocol):
@@ -374,8 +373,8 @@ class HybridPlant(ABC):
                 break
         return self._t_ns
 
-    def _keep(self) -> Moment:
-        return Moment(
+    def _keep(self) -> _Moment:
+        return _Moment(
             self._t_ns,
             dict(self._lines),
             self._entry,
@@ -389,7 +388,7 @@ class HybridPlant(ABC):
             self._change_ns,
         )
 
-    def _put_back(self, moment: Moment) -> None:
+    def _put_back(self, moment: _Moment) -> None:
         self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
         self._entry = moment.entry
         del self.log[moment.log_length :]

@@ -327,8 +327,10 @@ def _load_plant(config: Config, section: PlantSection) -> Plant:
 
 def _parameters(config: Config, section: PlantSection) -> dict[str, Any]:
     """Return the plant's parameters; a plant that draws by a seed takes the configuration's."""
-    seeded = "seed" in plant_parameters(section.model)
-    return {**({"seed": config.seed if section.seed is None else section.seed} if seeded else {}), **section.parameters}
+    if "seed" not in plant_parameters(section.model):
+        return section.parameters
+    seed = config.seed if section.seed is None else section.seed
+    return {"seed": seed, **section.parameters}
 
 
 def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
