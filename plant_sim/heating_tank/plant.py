@@ -25,6 +25,7 @@ from plant_sim.automaton import (
     Ode,
     Torricelli,
     actuator,
+    falls,
     gauge,
     rises,
     switch,
@@ -164,12 +165,12 @@ class HeatingTank(HybridAutomaton):
     def _limits(self, x: Mapping[str, Any]) -> list[Guard | Alarm]:
         """What ends a flow, and what makes the contents full, hot or gone."""
         p = self.parameters
-        emptied = {"level": 0.0, "heated": False, "batches": x["batches"] + int(x["heated"])}
+        delivered = {"heated": False, "batches": x["batches"] + int(x["heated"])}
         return [
             rises("over", "level", p.capacity_l, reset={"level": p.capacity_l}),
             rises("full", "level", p.full_l),
-            Guard("low", "level", p.empty_l, -1),
-            Guard("emptied", "level", 0.0, -1, reset=emptied),
+            falls("low", "level", p.empty_l, reset=delivered),
+            falls("emptied", "level", 0.0, reset={"level": 0.0}),
             rises("hot", "temperature", p.hot_degC),
             rises("boils", "temperature", BOILING_DEGC),
         ]
