@@ -55,7 +55,7 @@ class Plc:
     Args:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
-        engine: `auto` or `interpreter`.
+        engine: `auto`, `wasm` or `interpreter`.
         record: keep a `trace`, and a history to travel in.
         history: whether to keep a history without a trace, or how many bytes it may take; then
             the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
