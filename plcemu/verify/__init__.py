@@ -1,0 +1,1 @@
+"""The checker: proofs over the program that runs."""
