@@ -25,6 +25,10 @@ class AutomatonError(ValueError):
     """An automaton that does not make sense; says which part of it."""
 
 
+ONE = Term((), Fraction(1))
+"""The number 1 as a linear expression."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """What the sensors show where constraints hold."""
@@ -80,7 +84,7 @@ class Objective:
     name: str
     location: str
     above: Term
-    below: Term = Term((), Fraction(1))
+    below: Term = ONE
     unit: str = ""
 
 

@@ -1,8 +1,8 @@
 """Whether a system of linear inequalities, some of them strict, has a solution: exactly.
 
 The simplex method on dictionaries with Bland's rule (Chvátal, Linear Programming, 1983, chapters 2
-and 3), so that it neither cycles nor rounds: all numbers are whole, over one common denominator, and
-each exchange divides without a rest (Edmonds, 1967; Bareiss, 1968).
+and 3), so that it never cycles, and in whole numbers over one common denominator, so that it never
+rounds: each exchange divides without a rest (Edmonds, 1967; Bareiss, 1968).
 """
 
 from __future__ import annotations

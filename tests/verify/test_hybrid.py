@@ -121,7 +121,8 @@ class Stepper:
         return following, (("forward", following == "go"), ("back", following == "back"))
 
 
-def closed_form(speed: Fraction, shortest: Fraction, longest: Fraction) -> tuple[Fraction, Fraction]:
+def closed_form(speed: Fraction, shortest: Fraction,
+                longest: Fraction) -> tuple[Fraction, Fraction]:
     """Return where a conveyor of one speed stops, by counting cycles.
 
     The sensor is seen at the first end of a cycle not before the arrival, the n-th; the conveyor
