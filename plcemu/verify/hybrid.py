@@ -15,8 +15,8 @@ from fractions import Fraction
 from itertools import islice
 from typing import NamedTuple, Protocol
 
-from plant_sim.automaton import Automaton, AutomatonError, Interval, Location, Transition
 from plant_sim.linear import Constraint, Constraints, Term
+from plant_sim.linear_automaton import Automaton, AutomatonError, Interval, Location, Transition
 from plcemu.base.errors import LimitError
 from plcemu.verify.polyhedra import Bounds
 from plcemu.verify.regions import Region, region_maker

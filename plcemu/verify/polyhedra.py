@@ -14,8 +14,8 @@ from fractions import Fraction
 from math import gcd, lcm
 from typing import NamedTuple, Self
 
-from plant_sim.automaton import Interval
 from plant_sim.linear import Constraint, Constraints, Term
+from plant_sim.linear_automaton import Interval
 from plcemu.base.errors import LimitError
 from plcemu.verify.simplex import Inequality, is_feasible
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 from math import gcd, lcm
 from typing import Protocol, Self
 
-from plant_sim.automaton import Automaton, Interval
 from plant_sim.linear import Constraint, Constraints, Term
+from plant_sim.linear_automaton import Automaton, Interval
 from plcemu.verify.polyhedra import Bounds, Polyhedron
 from plcemu.verify.zones import NotAZone, Scale, Zone, difference
 

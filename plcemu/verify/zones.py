@@ -15,8 +15,8 @@ from fractions import Fraction
 from operator import ge
 from typing import Self
 
-from plant_sim.automaton import Interval
 from plant_sim.linear import Constraint, Constraints, Term
+from plant_sim.linear_automaton import Interval
 from plcemu.verify.polyhedra import Bounds, Polyhedron
 
 Bound = tuple[int, int, int]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_sim.automaton import (
+from plant_sim.linear_automaton import (
     Automaton,
     AutomatonError,
     compose,
