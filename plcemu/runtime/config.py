@@ -136,6 +136,19 @@ class ModbusSection(Section):
     ranges: list[RangeSection] | None = None
 
 
+class RealtimeSection(Section):
+    """How punctual the daemon's cycle is to be."""
+
+    timer_slack: PositiveDuration = 1
+    scheduler: Literal["other", "fifo"] = "other"
+    priority: int = Field(default=20, ge=1, le=99)
+    cpus: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] | None = None
+    lock_memory: bool = False
+    gc_freeze: bool = True
+    reserve: Duration = 200_000
+    spin: Duration = 0
+
+
 class PointSection(Section):
     """A port's place in the process image, and engineering units for one raw count."""
 
@@ -184,6 +197,25 @@ class PlantSection(Section):
     period: PositiveDuration | None = None
 
 
+class LimitsSection(Section):
+    """Where a proof gives up as inconclusive."""
+
+    states: int = Field(default=5_000_000, ge=1)
+    time: PositiveDuration | None = None
+    memory_mb: int | None = Field(default=4096, ge=64)
+
+
+class VerifySection(Section):
+    """What `plcemu verify` proves, against which finite plant."""
+
+    abstraction: str | None = None
+    parameters: dict[str, Any] = {}
+    initial: str | None = None
+    merge: Literal["stable", "none"] = "stable"
+    properties: Texts = []
+    limits: LimitsSection = LimitsSection()
+
+
 class Config(Section):
     """A whole configuration."""
 
@@ -192,12 +224,15 @@ class Config(Section):
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
+    sipn_single_firing: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
     modbus: ModbusSection = ModbusSection()
+    realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
     properties: Texts = []
+    verify: VerifySection = VerifySection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
@@ -211,6 +246,11 @@ class Config(Section):
     def property_paths(self) -> list[Path]:
         """The files of properties."""
         return [Path(p) for p in self.properties]
+
+    @property
+    def proof_paths(self) -> list[Path]:
+        """The files of properties that are only proved, besides those that are also monitored."""
+        return [Path(p) for p in self.verify.properties]
 
     def mistake(self, path: KeyPath, text: object) -> ConfigError:
         """Return the error of a mistake that shows only when the parts are put together.
@@ -265,17 +305,18 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
     return config
 
 
-_PATH_KEYS = ("program", "properties")
+_PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
     """Read a file over the one it extends; return values and the place of every key path."""
     values, lines = read_yaml(file)
     places = {key: f"{file}:{line}" for key, line in lines.items()}
-    for key in _PATH_KEYS:
-        if isinstance(values.get(key), str | list):
-            values[key] = [str(file.parent / p) if isinstance(p, str) else p
-                           for p in _as_list(values[key])]
+    for *above, key in _PATH_KEYS:
+        section = values.get(above[0]) if above else values
+        if isinstance(section, dict) and isinstance(section.get(key), str | list):
+            section[key] = [str(file.parent / p) if isinstance(p, str) else p
+                            for p in _as_list(section[key])]
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -364,10 +405,11 @@ def _short_name(values: Mapping[str, Any], name: str) -> list[str]:
         return ["plant", "parameters", name]
     if name in PlantSection.model_fields and isinstance(plant, dict):
         return ["plant", name]
-    if name in ModbusSection.model_fields:
-        return ["modbus", name]
+    for key, section in (("modbus", ModbusSection), ("verify", VerifySection)):
+        if name in section.model_fields:
+            return [key, name]
     options = [*known, *Config.model_fields, *PlantSection.model_fields,
-               *ModbusSection.model_fields]
+               *ModbusSection.model_fields, *VerifySection.model_fields]
     raise ConfigError([(f"--set {name}: there is no such parameter{did_you_mean(name, options)}; "
                         f"the plant's parameters are {', '.join(known) or 'none'}")])
 
@@ -421,9 +463,17 @@ def _expected(error: Any) -> str:
 
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
-    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("tasks", "*"): TaskSection,
-    ("modbus", "ranges", "*"): RangeSection, ("plant", "inputs", "*"): InputSection,
-    ("plant", "outputs", "*"): OutputSection}
+    (): Config,
+    ("tasks", "*"): TaskSection,
+    ("modbus",): ModbusSection,
+    ("modbus", "ranges", "*"): RangeSection,
+    ("plant",): PlantSection,
+    ("plant", "inputs", "*"): InputSection,
+    ("plant", "outputs", "*"): OutputSection,
+    ("realtime",): RealtimeSection,
+    ("verify",): VerifySection,
+    ("verify", "limits"): LimitsSection,
+}
 
 
 def _known_keys(location: KeyPath) -> Iterable[str]:

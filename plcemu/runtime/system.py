@@ -50,9 +50,10 @@ class System:
 
     def __init__(self, config: Config, with_plant: bool = True) -> None:
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
         self.warnings = list(program.warnings)
-        self.resource = _make_resource(config, program)
+        self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
         self._map = make_map(config)
         plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
@@ -119,8 +120,12 @@ def _load_properties(config: Config) -> list[Property]:
         raise config.mistake(("properties",), f"{problem.filename}: {problem.strerror}") from None
 
 
-def _make_resource(config: Config, program: Program) -> Resource:
-    """Return the resource with the configured tasks and safe outputs."""
+def make_resource(config: Config, program: Program) -> Resource:
+    """Return the resource with the configured tasks and safe outputs.
+
+    Raises:
+        ConfigError: a task, its programs or a safe output does not fit the program.
+    """
     tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
              for name, t in config.tasks.items()]
     if tasks:

@@ -1,1 +1,1 @@
-"""The checker: proofs over the program that runs."""
+"""Proofs over the program that runs: transition systems, exploration, fair cycles, schedules."""

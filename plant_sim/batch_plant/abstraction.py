@@ -1,0 +1,254 @@
+"""The batch plant with finitely many states: what each tank holds, and which processes run.
+
+A process begins when its actuators are on and its tanks hold what it needs; from then on both
+tanks are in transition, until the action that ends it. How long that takes is left open. Several
+processes may end at the same instant. What no process accounts for - a valve opened onto a full
+tank, a second component without the mixer, a valve closed half-way - ends the plant's good order
+for good; the fact that says why is then true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+from plant_sim.abstraction import AbstractionError
+from plant_sim.batch_plant.layout import ACTUATORS, TANKS, TRANSFERS
+from plant_sim.batch_plant.loads import CONTENTS, content_of, read_tanks, tanks_of_load
+from plant_sim.batch_plant.parameters import BatchParameters
+from plant_sim.batch_plant.processes import PROCESSES, Process
+from plant_sim.contract import Fact, FactValue, PortValue
+from plant_sim.parameters import ParameterError
+
+NAMES = tuple(tank.name for tank in TANKS)
+_CAPACITY_L = {tank.name: float(tank.capacity_l) for tank in TANKS}
+
+FACTS = (
+    Fact("overflow", "bool", "", "some tank has overflowed"),
+    Fact("forbidden_mixture", "bool", "", "a liquid went where it must not"),
+    Fact("interrupted", "bool", "", "a process was stopped before its end"),
+)
+
+ORDER, OVERFLOW, MIXTURE, INTERRUPTED = "", "overflow", "forbidden_mixture", "interrupted"
+
+
+class Running(NamedTuple):
+    """A process that has begun; `ended` while its actuators are still on after its end."""
+
+    process: str
+    ended: bool
+
+
+class State(NamedTuple):
+    """The plant: contents of B1 to B7 (in transition: those before), processes, what went wrong."""
+
+    tanks: tuple[str, ...]
+    running: tuple[Running, ...]
+    trouble: str
+
+
+class Ends(tuple[str, ...]):
+    """An action: these processes end together."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return f"{' and '.join(self)} end{'s' if len(self) == 1 else ''}"
+
+
+class BatchAbstraction:
+    """The finite batch plant.
+
+    Args:
+        parameters: those of `BatchPlant`; besides `initial`, which names the states to begin in:
+            `load` (the parameters load, half or tanks), `loads` (the 30 initial loads, see
+            `initial_loads`) or `all` (the 8100 contents of all tanks).
+
+    Raises:
+        AbstractionError: a parameter does not exist or cannot have its value.
+    """
+
+    facts = FACTS
+
+    def __init__(self, parameters: Mapping[str, object]) -> None:
+        given = dict(parameters)
+        which = given.pop("initial", "load")
+        if which not in _INITIAL:
+            raise AbstractionError(f"initial: found {which!r}, expected {', '.join(_INITIAL)}")
+        try:
+            self._parameters = BatchParameters.of(given)
+        except ParameterError as problem:
+            raise AbstractionError(str(problem)) from None
+        self._names: dict[State, str] = {}
+        for name, tanks in _INITIAL[str(which)](self._parameters):
+            contents = tuple(tanks.get(tank, "empty") for tank in NAMES)
+            self._names.setdefault(State(contents, (), ORDER), name)
+        self._readings: dict[tuple[str, str, str], tuple[float, float]] = {}
+
+    def initial(self) -> Iterator[State]:
+        """The states to begin in."""
+        yield from self._names
+
+    def name_of(self, state: State) -> str:
+        """An initial state in the user's words."""
+        return self._names[state]
+
+    # What the controller sees and does
+
+    def sense(self, state: State) -> dict[str, PortValue]:
+        """Levels and temperatures; in transition half-way between before and after."""
+        busy = {tank: (row.process, tank) for row in state.running if not row.ended
+                for tank in PROCESSES[row.process].changes}
+        seen: dict[str, PortValue] = {}
+        for tank, content in zip(NAMES, state.tanks, strict=True):
+            process = busy.get(tank, ("", ""))[0]
+            level, temperature = self._reading(tank, content, process)
+            seen[f"{tank}.level"], seen[f"{tank}.temperature"] = level, temperature
+        return seen
+
+    def _reading(self, tank: str, content: str, process: str) -> tuple[float, float]:
+        key = (tank, content, process)
+        if key not in self._readings:
+            before = content_of(content)
+            after = content_of(PROCESSES[process].changes[tank][content]) if process else before
+            self._readings[key] = (float(before.volume_l + after.volume_l) / 2,
+                                   (before.temperature_degC + after.temperature_degC) / 2)
+        return self._readings[key]
+
+    def actuate(self, state: State, values: Mapping[str, PortValue]) -> State:
+        """Begin what is switched on and possible; note what must not be."""
+        if state.trouble:
+            return state
+        on = frozenset(name for name, value in values.items() if value)
+        wanted = _wanted(on)
+        before = {row.process for row in state.running}
+        kept = [row for row in state.running if row.process in wanted]
+        stopped = [row for row in state.running if row.process not in wanted]
+        if any(not row.ended for row in stopped):
+            return state._replace(trouble=INTERRUPTED)
+        tanks = dict(zip(NAMES, state.tanks, strict=True))
+        begun = [PROCESSES[name] for name in PROCESSES if name in wanted and name not in before]
+        for process in begun:
+            trouble = _obstacle(process, tanks, [r for r in kept if not r.ended])
+            if trouble is None:
+                kept.append(Running(process.name, False))
+            elif trouble:
+                return state._replace(trouble=trouble)
+        return State(state.tanks, tuple(sorted(kept)), ORDER)
+
+    # What happens by itself
+
+    def actions(self, state: State) -> Sequence[Ends]:
+        """Any of the processes under way end, alone or together."""
+        open_ = [row.process for row in state.running if not row.ended]
+        if state.trouble:
+            return ()
+        return [Ends(some) for n in range(1, len(open_) + 1) for some in combinations(open_, n)]
+
+    def after(self, state: State, action: Ends) -> State:
+        """Contents change to what the processes leave."""
+        tanks = dict(zip(NAMES, state.tanks, strict=True))
+        for name in action:
+            for tank, change in PROCESSES[name].changes.items():
+                tanks[tank] = change[tanks[tank]]
+        running = tuple(Running(r.process, r.ended or r.process in action) for r in state.running)
+        return State(tuple(tanks.values()), running, state.trouble)
+
+    def observe(self, state: State) -> dict[str, FactValue]:
+        """The values of the facts."""
+        return {fact.name: state.trouble == fact.name for fact in FACTS}
+
+    # Weak fairness: a process that runs does not run for ever
+
+    def pending(self, state: State) -> Collection[str]:
+        """The processes under way."""
+        return [row.process for row in state.running if not row.ended and not state.trouble]
+
+    def done(self, action: Ends) -> Collection[str]:
+        """The processes that end."""
+        return tuple(action)
+
+
+def _wanted(on: frozenset[str]) -> set[str]:
+    """The processes whose actuators are on; of two on one path the one with the mixer."""
+    wanted = {p.name for p in PROCESSES.values() if p.actuators <= on}
+    for transfer in TRANSFERS:
+        if transfer.process_second in wanted:
+            wanted.discard(transfer.process)
+    return wanted
+
+
+def _obstacle(process: Process, tanks: Mapping[str, str],
+              open_: Sequence[Running]) -> str | None:
+    """Why a process cannot begin as it should: None if it can, "" if nothing happens at all."""
+    busy = {tank for row in open_ for tank in PROCESSES[row.process].changes}
+    if not busy.isdisjoint(process.changes):
+        return MIXTURE
+    changes = list(process.changes.items())
+    if all(tanks[tank] in change for tank, change in changes):
+        return None
+    source, *sinks = changes
+    if tanks[source[0]] == "empty" or not sinks:
+        return ORDER
+    sink = sinks[0][0]
+    added = content_of(tanks[source[0]]).volume_l / (2 if _is_double(tanks[source[0]]) else 1)
+    full = float(content_of(tanks[sink]).volume_l + added) > _CAPACITY_L[sink]
+    return OVERFLOW if full else MIXTURE
+
+
+def _is_double(content: str) -> bool:
+    return content[:-1] in ("sol84", "water56", "sol140")
+
+
+# ---------------------------------------------------------------- where a run may begin
+
+Named = Iterator[tuple[str, Mapping[str, str]]]
+
+
+def _of_load(parameters: BatchParameters) -> Named:
+    if parameters.tanks:
+        tanks = read_tanks(parameters.tanks)
+        yield ", ".join(f"{tank}={word}" for tank, word in tanks.items()), tanks
+        return
+    yield load_name(parameters.load, parameters.half), tanks_of_load(parameters.load,
+                                                                     parameters.half)
+
+
+def load_name(load: float, half: str) -> str:
+    """A load in words, such as `load 2` or `load 2.5 (half: water)`."""
+    return f"load {load:g}" + ("" if load == int(load) else f" (half: {half})")
+
+
+def initial_loads() -> Named:
+    """The 30 loads filled in from the top: 9 whole, 8 halves of either kind, and 5 more.
+
+    The paper counts 30 and does not list them. The five more are the half loads from 3.5 on whose
+    half of solution stands hot in the first tank that takes it so: B5, or B7 once B5 is taken.
+    """
+    for halves in range(17):
+        load = halves / 2
+        kinds = ("solution", "water") if halves % 2 else ("solution",)
+        for half in kinds:
+            yield load_name(load, half), tanks_of_load(load, half)
+        if halves % 2 and load > 3:
+            tanks = dict(tanks_of_load(int(load), "solution"))
+            tank = "B5" if "B5" not in tanks else "B7"
+            hot = {"sol42C": "sol84H"}.get(tanks.get(tank, ""), "sol42H")
+            yield load_name(load, "hot solution"), {**tanks, tank: hot}
+
+
+def _loads(parameters: BatchParameters) -> Named:
+    yield from initial_loads()
+
+
+def _all(parameters: BatchParameters) -> Named:
+    for words in product(*CONTENTS.values()):
+        tanks = dict(zip(CONTENTS, words, strict=True))
+        held = [f"{tank}={word}" for tank, word in tanks.items() if word != "empty"]
+        yield ", ".join(held) or "all tanks empty", tanks
+
+
+_INITIAL = {"load": _of_load, "loads": _loads, "all": _all}
+
+ALL_ACTUATORS = tuple(ACTUATORS)

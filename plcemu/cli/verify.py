@@ -1,0 +1,116 @@
+"""`plcemu verify`: prove the properties for all runs, or show the counterexample."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rich.status import Status
+from rich.table import Table
+
+from plcemu.cli.output import add_config_arguments, console, print_json
+from plcemu.runtime.config import load_config
+from plcemu.runtime.verification import limits_of, make_prover
+from plcemu.verify.explore import Progress
+from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Result
+
+NAME = "verify"
+HELP = "prove the properties for all runs of the compiled program, or show the counterexample"
+EPILOG = """examples:
+  plcemu verify il_programs/batch_plant                       # from the configured load
+  plcemu verify il_programs/batch_plant --set initial=loads   # from all 30 loads of the paper
+  plcemu verify il_programs/batch_plant --set load=7.5 --property produces
+
+Exit code 1 if a property is violated, a limit was reached before it was decided, or one that was
+asked for by name cannot be decided here."""
+
+_SHOWN = 6
+"""Initial states that are named before the rest is only counted."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    add_config_arguments(parser)
+    parser.add_argument("--property", metavar="NAME", action="append", dest="names",
+                        help="prove only this property; may be given several times")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prove, and return 1 unless every property holds."""
+    config = load_config(arguments.config, arguments.overrides)
+    prover = make_prover(config, arguments.names)
+    result = _with_progress(lambda told: prover.prove(limits_of(config), told))
+    if arguments.json:
+        print_json(document_of(config.name, result))
+    else:
+        _print(config.name, result)
+    return 1 if any(_fails(p, arguments.names) for p in result.proofs) else 0
+
+
+def _fails(proof: Proof, names: list[str] | None) -> bool:
+    """Whether a proof fails the command: also one that could not be decided, if it was asked for
+    by name or only a limit stood in the way."""
+    verdict = proof.finding.verdict
+    if verdict == INCONCLUSIVE:
+        return bool(names) or not proof.finding.out_of_scope
+    return verdict == VIOLATED
+
+
+def _with_progress(work: Callable[[Callable[[Progress], None] | None], Result]) -> Result:
+    """Run with a line that tells how far it is, on a terminal."""
+    if not sys.stderr.isatty():
+        return work(None)
+    with Status("verifying", console=console(to_stderr=True)) as status:
+        return work(lambda progress: status.update(f"verifying: {progress}"))
+
+
+def document_of(name: str, result: Result) -> dict[str, Any]:
+    """Return a result as the JSON document of `verify --json`."""
+    graph = result.graph
+    return {"name": name, "states": len(graph), "transitions": graph.edges, "scans": result.scans,
+            "complete": graph.complete, "seconds": round(graph.seconds, 3), "cuts": result.cuts,
+            "properties": [p.as_json() for p in result.proofs]}
+
+
+def _print(name: str, result: Result) -> None:
+    out, graph = console(), result.graph
+    rate = result.scans / graph.seconds if graph.seconds else 0
+    whole = "all" if graph.complete else "not all"
+    out.print(f"{name}: {len(graph):,} states ({whole} that can be reached), {graph.edges:,} "
+              f"transitions, {result.scans:,} scans in {graph.seconds:.2f} s ({rate:,.0f}/s)")
+    for cut in result.cuts:
+        out.print(f"  {cut}")
+    table = Table(box=None, pad_edge=False)
+    for heading in ("property", "verdict", "meaning"):
+        table.add_column(heading, no_wrap=heading != "meaning", overflow="fold")
+    for proof in result.proofs:
+        verdict = proof.finding.verdict
+        style = "" if verdict == HOLDS else "bold red" if verdict == VIOLATED else "yellow"
+        vacuous = " (vacuous)" if proof.finding.vacuous_in else ""
+        table.add_row(proof.name, verdict + vacuous, proof.description or proof.formula,
+                      style=style)
+    out.print(table)
+    for proof in result.proofs:
+        _print_details(proof)
+
+
+def _print_details(proof: Proof) -> None:
+    out, finding = console(), proof.finding
+    if finding.verdict not in (HOLDS, VIOLATED):
+        out.print(f"{proof.name} is inconclusive: {finding.reason}")
+    if finding.vacuous_in:
+        out.print(f"{proof.name} holds vacuously: {'; '.join(finding.vacuous_in)}")
+    if finding.verdict == VIOLATED:
+        out.print(f"\n{proof.name} is violated: {proof.formula}", style="bold red")
+    if proof.initial:
+        refuted = [name for name, verdict in proof.initial.items() if verdict == VIOLATED]
+        more = f" and {len(refuted) - _SHOWN} more" if len(refuted) > _SHOWN else ""
+        told = f"violated from {len(refuted)}: {'; '.join(refuted[:_SHOWN])}{more}" \
+            if refuted else "violated from none"
+        out.print(f"{proof.name}: {len(proof.initial) - len(refuted)} of {len(proof.initial)} "
+                  f"initial states hold, {told}")
+    if proof.path is not None and finding.verdict == VIOLATED:
+        for line in proof.path.lines():
+            out.print(line)

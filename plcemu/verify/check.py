@@ -1,0 +1,286 @@
+"""Properties judged over an explored closed loop: the table of checks, and what they find.
+
+A check says which state formulas it wants to see in every scan, and judges the graph by them. A
+formula that no check of the table takes is inconclusive, never silently true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from plcemu.monitor.formula import (
+    FALSE,
+    OPERATORS,
+    TRUE,
+    Binary,
+    Formula,
+    Kind,
+    Literal,
+    Unary,
+    walk,
+)
+from plcemu.verify.explore import Graph, terminal
+from plcemu.verify.fair import Lasso, fair_components, lasso, run_to
+from plcemu.verify.loop import ClosedLoop, State
+
+HOLDS, VIOLATED, INCONCLUSIVE = "holds", "violated", "inconclusive"
+
+StateGraph = Graph[State, Any]
+
+
+@dataclass(slots=True)
+class Finding:
+    """What a check found.
+
+    Attributes:
+        verdict: `holds`, `violated` or `inconclusive`.
+        reason: why it is inconclusive; else empty.
+        out_of_scope: whether no check takes the formula, whatever is explored.
+        vacuous_in: the parts of the formula that no run ever puts to the test.
+        run: the counterexample of a violated property, or the witness of an `EF` that holds.
+        watched: the watched formula that tells in which scan of the run's last step it is decided;
+            None if the run has no such scan.
+        bad: the states from which on a run violates; None if it does not depend on them.
+    """
+
+    verdict: str
+    reason: str = ""
+    out_of_scope: bool = False
+    vacuous_in: tuple[str, ...] = ()
+    run: Lasso | None = None
+    watched: int | None = None
+    bad: set[int] | None = None
+
+
+@dataclass(slots=True)
+class Evidence:
+    """What a check may look at.
+
+    Attributes:
+        loop: the closed loop.
+        graph: its states as far as they were explored.
+        first: the number of the check's first watched formula.
+        first_tested: the number of the check's first tested formula.
+        now: tells whether a watched formula holds in the last scan before a state.
+    """
+
+    loop: ClosedLoop
+    graph: StateGraph
+    first: int
+    first_tested: int
+    now: Callable[[int, State], bool]
+
+    def seen(self, number: int, state: int) -> bool:
+        """Whether the check's watched formula held in a scan of the step to a state."""
+        return bool(self.graph.states[state].seen >> (self.first + number) & 1)
+
+    def holds(self, number: int, state: int) -> bool:
+        """Whether it held in the last of these scans, where the run rests."""
+        return self.now(self.first + number, self.graph.states[state])
+
+    def ever(self, number: int) -> bool:
+        """Whether the check's tested formula held in any scan at all."""
+        return bool(self.loop.ever >> (self.first_tested + number) & 1)
+
+    def first_seen(self, number: int) -> int | None:
+        """The first state found in whose step the watched formula held."""
+        bit = 1 << (self.first + number)
+        return next((n for n, s in enumerate(self.graph.states) if s.seen & bit), None)
+
+
+class Check(Protocol):
+    """One kind of property."""
+
+    @property
+    def watched(self) -> tuple[Formula, ...]:
+        """The state formulas that must be asked of every scan, and told for every step."""
+
+    @property
+    def tested(self) -> tuple[Formula, ...]:
+        """State formulas of which it matters only whether they ever hold."""
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Judge the property."""
+
+
+# ---------------------------------------------------------------- kinds of properties
+
+
+@dataclass(frozen=True, slots=True)
+class Invariant:
+    """`G p`, `AG p`, `A[] p`: p in every scan."""
+
+    formula: Formula
+    watched: tuple[Formula, ...] = ()
+    tested: tuple[Formula, ...] = ()
+    parts: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(formula: Formula) -> Invariant | None:
+        """Return the check if the formula is of this kind."""
+        if isinstance(formula, Unary) and formula.op in ("G", "AG") and not formula.interval \
+                and is_plain(formula.arg):
+            hard = list(without_a_part(formula.arg))
+            return Invariant(formula.arg, (negated(formula.arg),),
+                             tuple(negated(f) for f, _ in hard), tuple(text for _, text in hard))
+        return None
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Violated where its negation is seen; vacuous in parts whose lack would not show."""
+        at = evidence.first_seen(0)
+        graph = evidence.graph
+        if at is not None:
+            bad = {n for n in range(len(graph)) if evidence.seen(0, n)}
+            return Finding(VIOLATED, run=Lasso(*run_to(graph, at), []), watched=0, bad=bad)
+        if not graph.complete:
+            return Finding(INCONCLUSIVE, graph.reason)
+        idle = [text for n, text in enumerate(self.parts) if not evidence.ever(n)]
+        return Finding(HOLDS, vacuous_in=tuple(dict.fromkeys(idle)), bad=set())
+
+
+@dataclass(frozen=True, slots=True)
+class Reachable:
+    """`EF p`, `E<> p`: from some initial state, p in some scan."""
+
+    watched: tuple[Formula, ...]
+    tested: tuple[Formula, ...] = ()
+
+    @staticmethod
+    def of(formula: Formula) -> Reachable | None:
+        """Return the check if the formula is of this kind."""
+        if isinstance(formula, Unary) and formula.op == "EF" and not formula.interval \
+                and is_plain(formula.arg):
+            return Reachable((formula.arg,))
+        return None
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Holds where p is seen."""
+        at = evidence.first_seen(0)
+        if at is not None:
+            return Finding(HOLDS, run=Lasso(*run_to(evidence.graph, at), []), watched=0)
+        if not evidence.graph.complete:
+            return Finding(INCONCLUSIVE, evidence.graph.reason)
+        return Finding(VIOLATED)
+
+
+@dataclass(frozen=True, slots=True)
+class Recurrence:
+    """`G F p & G F q & ...` on every run that is weakly fair: each again and again."""
+
+    watched: tuple[Formula, ...]
+    tested: tuple[Formula, ...] = ()
+
+    @staticmethod
+    def of(formula: Formula) -> Recurrence | None:
+        """Return the check if the formula is of this kind."""
+        wanted = []
+        for part in conjuncts(formula):
+            inner = part.arg if isinstance(part, Unary) and part.op == "G" else None
+            if not (isinstance(inner, Unary) and inner.op == "F" and is_plain(inner.arg)) \
+                    or inner.interval or part.interval:  # type: ignore[union-attr]
+                return None
+            wanted.append(inner.arg)
+        return Recurrence(tuple(wanted)) if wanted else None
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Violated by a rest without p, or a fair component through whose steps p is not seen."""
+        graph, loop = evidence.graph, evidence.loop
+        bad: set[int] = set()
+        first: tuple[int, list[int]] | None = None
+        for number in range(len(self.watched)):
+            ends = [[n] for n in terminal(graph) if not evidence.holds(number, n)]
+            unseen = {n for n in range(len(graph)) if not evidence.seen(number, n)}
+            for component in (*ends, *fair_components(graph, loop, unseen.__contains__)):
+                bad.update(component)
+                if first is None or min(component) < first[0]:
+                    first = min(component), component
+        if first is not None:
+            return Finding(VIOLATED, run=lasso(graph, loop, first[1]), bad=bad)
+        if not graph.complete:
+            return Finding(INCONCLUSIVE, graph.reason)
+        return Finding(HOLDS, bad=bad)
+
+
+@dataclass(frozen=True, slots=True)
+class NoCheck:
+    """A formula that no check takes."""
+
+    reason: str
+    watched: tuple[Formula, ...] = ()
+    tested: tuple[Formula, ...] = ()
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Inconclusive, with the reason."""
+        return Finding(INCONCLUSIVE, self.reason, out_of_scope=True)
+
+
+CHECKS: list[Callable[[Formula], Check | None]] = [Invariant.of, Reachable.of, Recurrence.of]
+"""Each takes a formula or returns None; the first that takes it judges it."""
+
+
+def check_for(formula: Formula) -> Check:
+    """Return the check of a formula."""
+    for of in CHECKS:
+        check = of(formula)
+        if check is not None:
+            return check
+    timed = any(isinstance(p, (Unary, Binary)) and p.interval for p in walk(formula))
+    return NoCheck("it speaks of durations, which are abstracted away here" if timed else
+                   "no check for formulas of this form; there are G p, AG p, EF p and "
+                   "G F p & G F q with p, q of one instant")
+
+
+# ---------------------------------------------------------------- formulas
+
+
+def is_plain(formula: Formula) -> bool:
+    """Whether a formula speaks of the values at one instant only, without rise, fall, changed."""
+    return all(OPERATORS[p.op].kind in (Kind.LOGIC, Kind.COMPARISON, Kind.ARITHMETIC)
+               for p in walk(formula) if isinstance(p, (Unary, Binary)))
+
+
+def conjuncts(formula: Formula) -> Iterator[Formula]:
+    """Yield the parts of a conjunction, left to right."""
+    if isinstance(formula, Binary) and formula.op == "&":
+        yield from conjuncts(formula.left)
+        yield from conjuncts(formula.right)
+    else:
+        yield formula
+
+
+def negated(formula: Formula) -> Formula:
+    """Return not p."""
+    if isinstance(formula, Literal):
+        return FALSE if formula == TRUE else TRUE
+    return formula.arg if isinstance(formula, Unary) and formula.op == "!" else \
+        Unary("!", formula)
+
+
+def without_a_part(formula: Formula) -> Iterator[tuple[Formula, str]]:
+    """Yield stronger formulas, each without one part, and what it means if they hold as well.
+
+    In p -> q, the conclusion is taken away: if that still holds, p is never true. In !(p & q) one
+    conjunct after the other is: if that still holds, the other never was.
+    """
+    if isinstance(formula, Binary) and formula.op == "->":
+        yield negated(formula.left), f"{formula.left} is never true"
+    elif isinstance(formula, Unary) and formula.op == "!":
+        parts = list(conjuncts(formula.arg))
+        for n in range(len(parts) if len(parts) > 1 else 0):
+            rest = joined([*parts[:n], *parts[n + 1:]])
+            yield negated(rest), f"{rest} is never true"
+    elif isinstance(formula, Binary) and formula.op == "&":
+        for left, text in without_a_part(formula.left):
+            yield replace(formula, left=left), text
+        for right, text in without_a_part(formula.right):
+            yield replace(formula, right=right), text
+
+
+def joined(parts: Sequence[Formula]) -> Formula:
+    """Return the conjunction of one or more formulas."""
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = Binary("&", whole, part)
+    return whole

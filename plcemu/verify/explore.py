@@ -1,0 +1,222 @@
+"""Explicit-state exploration: all states that can be reached, or an honest statement of a limit."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from array import array
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, Literal, NamedTuple
+
+from plcemu.verify.system import A, S, TransitionSystem
+
+Order = Literal["bfs", "dfs"]
+
+_LOOK_EVERY = 256
+"""States between two looks at clock and memory, which cost more than a state."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Where an exploration gives up.
+
+    Attributes:
+        states: how many may be found.
+        seconds: how long it may take; None is without end.
+        memory_mb: how large the process may become, in MB; None is without end.
+    """
+
+    states: int = 5_000_000
+    seconds: float | None = None
+    memory_mb: int | None = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far an exploration has come."""
+
+    states: int
+    edges: int
+    frontier: int
+    seconds: float
+    memory_mb: int
+
+    @property
+    def rate(self) -> float:
+        """States found in each second."""
+        return self.states / self.seconds if self.seconds else 0.0
+
+    def __str__(self) -> str:
+        return (f"{self.states:,} states, {self.edges:,} transitions, {self.rate:,.0f} states/s, "
+                f"frontier {self.frontier:,}, {self.memory_mb} MB")
+
+
+class Edge(NamedTuple):
+    """A transition of a graph: an action and the number of the state it leads to."""
+
+    action: Hashable
+    target: int
+
+
+@dataclass(slots=True)
+class Graph(Generic[S, A]):
+    """What has been explored; states are numbered in the order of their discovery.
+
+    Attributes:
+        states: by number.
+        number: of each state.
+        initial: the numbers of the initial states.
+        complete: whether every state that can be reached is there, with all its transitions.
+        reason: which limit was reached; empty if none.
+        parent: for each state the one it was found from; -1 for initial ones. In a breadth-first
+            exploration the way back over parents is a shortest one.
+    """
+
+    states: list[S] = field(default_factory=list)
+    number: dict[S, int] = field(default_factory=dict)
+    initial: list[int] = field(default_factory=list)
+    complete: bool = False
+    reason: str = ""
+    parent: array[int] = field(default_factory=lambda: array("q"))
+    seconds: float = 0.0
+    _first: array[int] = field(default_factory=lambda: array("q"))
+    _count: array[int] = field(default_factory=lambda: array("q"))
+    _targets: array[int] = field(default_factory=lambda: array("q"))
+    _labels: array[int] = field(default_factory=lambda: array("q"))
+    _actions: list[A] = field(default_factory=list)
+    _label_of: dict[A, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    @property
+    def edges(self) -> int:
+        """How many transitions there are."""
+        return len(self._targets)
+
+    def targets(self, source: int) -> Sequence[int]:
+        """Return the numbers of a state's successors, one for each action."""
+        first = self._first[source]
+        return self._targets[first:first + self._count[source]] if first >= 0 else ()
+
+    def actions(self, source: int) -> list[A]:
+        """Return a state's actions, in the order of `targets`."""
+        first = self._first[source]
+        if first < 0:
+            return []
+        return [self._actions[n] for n in self._labels[first:first + self._count[source]]]
+
+    def expanded(self, source: int) -> bool:
+        """Whether a state's transitions are known."""
+        return self._first[source] >= 0
+
+    def path_to(self, target: int) -> list[int]:
+        """Return the states from an initial one to `target`, as they were found."""
+        path = [target]
+        while self.parent[path[-1]] >= 0:
+            path.append(self.parent[path[-1]])
+        return path[::-1]
+
+    def action_between(self, source: int, target: int) -> A:
+        """Return the first action that leads from one state to the other.
+
+        Raises:
+            KeyError: none does.
+        """
+        for action, reached in zip(self.actions(source), self.targets(source), strict=True):
+            if reached == target:
+                return action
+        raise KeyError((source, target))
+
+    def _add(self, state: S, parent: int) -> int:
+        number = self.number[state] = len(self.states)
+        self.states.append(state)
+        self.parent.append(parent)
+        self._first.append(-1)
+        self._count.append(0)
+        return number
+
+    def _label(self, action: A) -> int:
+        label = self._label_of.get(action)
+        if label is None:
+            label = self._label_of[action] = len(self._actions)
+            self._actions.append(action)
+        return label
+
+
+def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
+            order: Order = "bfs",
+            found: Callable[[int, S], bool] | None = None,
+            on_progress: Callable[[Progress], None] | None = None) -> Graph[S, A]:
+    """Explore a transition system.
+
+    Args:
+        system: what to explore.
+        limits: where to give up; the graph then says so and is not complete.
+        order: breadth first (shortest ways) or depth first (small frontier).
+        found: asked about every new state; exploration ends when it returns True.
+        on_progress: told now and then how far it is.
+    """
+    graph: Graph[S, A] = Graph()
+    frontier: deque[int] = deque()
+    begin = time.monotonic()
+    take = frontier.popleft if order == "bfs" else frontier.pop
+
+    def discover(state: S, parent: int) -> int:
+        number = graph._add(state, parent)
+        frontier.append(number)
+        if found is not None and found(number, state):
+            graph.reason = "the search ended at what it looked for"
+        return number
+
+    for state in system.initial():
+        number = graph.number.get(state)
+        graph.initial.append(discover(state, -1) if number is None else number)
+    looked = 0
+    while frontier and not graph.reason:
+        source = take()
+        state = graph.states[source]
+        edges = [(graph._label(action), system.next(state, action))
+                 for action in system.actions(state)]
+        graph._first[source], graph._count[source] = len(graph._targets), len(edges)
+        for label, following in edges:
+            target = graph.number.get(following)
+            if target is None:
+                target = discover(following, source)
+            graph._targets.append(target)
+            graph._labels.append(label)
+        looked += 1
+        if looked % _LOOK_EVERY == 0 or len(graph) > limits.states:
+            progress = Progress(len(graph), graph.edges, len(frontier),
+                                time.monotonic() - begin, used_mb())
+            if on_progress is not None:
+                on_progress(progress)
+            graph.reason = graph.reason or _reached(limits, progress)
+    graph.seconds = time.monotonic() - begin
+    graph.complete = not frontier and not graph.reason
+    return graph
+
+
+def _reached(limits: Limits, now: Progress) -> str:
+    """Return which limit has been reached, in words; empty if none."""
+    if now.states > limits.states:
+        return f"the limit of {limits.states:,} states was reached"
+    if limits.seconds is not None and now.seconds > limits.seconds:
+        return f"the limit of {limits.seconds:g} s was reached"
+    if limits.memory_mb is not None and now.memory_mb > limits.memory_mb:
+        return f"the limit of {limits.memory_mb} MB was reached"
+    return ""
+
+
+def used_mb() -> int:
+    """Return the largest size that this process has had, in MB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak // (1024 if sys.platform != "darwin" else 1024 * 1024)
+
+
+def terminal(graph: Graph[S, A]) -> Iterator[int]:
+    """Yield the states in which nothing can happen any more."""
+    return (n for n in range(len(graph)) if graph.expanded(n) and not graph.targets(n))

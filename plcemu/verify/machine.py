@@ -1,0 +1,101 @@
+"""The scan as a function: memory in, memory out, by the engine that runs the program.
+
+Everything a checker cuts away from memory is cut here: bytes outside the cone of influence stand at
+their initial values in every state, so that states which differ in nothing that matters are equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from plcemu.base.errors import PlcemuError
+from plcemu.engine.resource import Resource
+from plcemu.io.mapping import Point
+from plcemu.ir.program import Program
+
+
+class ScanMachine:
+    """Scans of one program on its real memory block.
+
+    Args:
+        resource: of the program, at its cold start; all its tasks are released in every scan.
+        inputs: where the plant's readings go, in the order of the values given to `scan`.
+        kept: the bytes of memory that matter, by offset; all if None.
+
+    Raises:
+        PlcemuError: tasks have events or different intervals.
+    """
+
+    def __init__(self, resource: Resource, inputs: Sequence[Point] = (),
+                 kept: Iterable[int] | None = None) -> None:
+        program = resource.program
+        self.resource = resource
+        self._block = resource.memory.block
+        self._runs = _simple_runs(program, resource)
+        self._writes = [_place(program, point) for point in inputs]
+        self._size = len(program.layout.initial)
+        self.initial = bytes(program.layout.initial)
+        self.has_clocks = any(c.observed for c in program.layout.clocks)
+        mask = bytes(self._size) if kept is not None else b"\xff" * self._size
+        self._mask = int.from_bytes(_marked(mask, kept or ()), "little")
+        rest = ~self._mask & ((1 << 8 * self._size) - 1)
+        self._rest = int.from_bytes(self.initial, "little") & rest
+        self.scans = 0
+        """Scans executed so far."""
+
+    def reduced(self, memory: bytes | bytearray) -> bytes:
+        """Return memory with everything that does not matter at its initial value."""
+        number = int.from_bytes(memory, "little") & self._mask | self._rest
+        return number.to_bytes(self._size, "little")
+
+    def scan(self, memory: bytes, inputs: Sequence[bytes], elapsed_ns: int = 0) -> bytes:
+        """Return memory after one scan: latch the inputs, let time pass, run the tasks.
+
+        Raises:
+            ProgramFault: the program faults.
+        """
+        block = self._block
+        block[:] = memory
+        for place, raw in zip(self._writes, inputs, strict=True):
+            block[place:place + len(raw)] = raw
+        if elapsed_ns:
+            self.resource.memory.advance_clocks(elapsed_ns)
+        run = self.resource.engine.run
+        for function, base in self._runs:
+            run(function, base)
+        self.scans += 1
+        return self.reduced(block)
+
+
+def _simple_runs(program: Program, resource: Resource) -> list[tuple[str, int]]:
+    """Return the code of all tasks by priority, if one release runs them all."""
+    tasks = resource.tasks
+    if any(t.event for t in tasks) or len({t.interval_ns for t in tasks}) > 1 \
+            or any(t.phase_ns for t in tasks):
+        raise PlcemuError("only programs whose tasks have one interval, no phase and no event can "
+                          "be verified")
+    return [(i.function, i.base) for t in tasks for i in map(program.instance, t.programs)]
+
+
+def _place(program: Program, point: Point) -> int:
+    """Return where a point's raw value stands in memory, whose numbers are little-endian."""
+    offset = place_of(program, point)
+    if offset is None:
+        raise PlcemuError(f"{point.name}: the program has no variable at {point.address}")
+    return offset
+
+
+def place_of(program: Program, point: Point) -> int | None:
+    """Return a point's offset in the memory block; None if the program does not use it."""
+    area, index = point.address.area, point.address.index
+    for extent in program.layout.extents:
+        if extent.area == area and extent.first <= index < extent.first + extent.count:
+            return extent.offset + (index - extent.first) * point.width
+    return None
+
+
+def _marked(mask: bytes, kept: Iterable[int]) -> bytes:
+    marked = bytearray(mask)
+    for offset in kept:
+        marked[offset] = 0xFF
+    return bytes(marked)

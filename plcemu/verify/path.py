@@ -1,0 +1,166 @@
+"""A run of the closed loop as a table of scans, in the user's names, changes only.
+
+It is a trace as well, so that the online monitors judge it and every recorder can save it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from plcemu.base.trace import Change, Frame, Trace
+from plcemu.base.types import Value
+from plcemu.verify.check import StateGraph
+from plcemu.verify.fair import Lasso, Step
+from plcemu.verify.loop import ClosedLoop, Scan
+from plcemu.verify.predicates import Predicates
+
+
+@dataclass(slots=True)
+class Row:
+    """One scan of a path.
+
+    Attributes:
+        scan: its number, from 0.
+        action: what the plant did before it; empty if nothing.
+        changes: tag -> value after the scan, for the tags that it changed.
+        inputs: the raw inputs that the scan latched, by port name.
+    """
+
+    scan: int
+    action: str
+    changes: dict[str, Value]
+    inputs: dict[str, int]
+    values: tuple[Value, ...] = ()
+
+
+@dataclass(slots=True)
+class Path:
+    """A run from a cold start.
+
+    Attributes:
+        start: the plant's initial state in the user's words.
+        rows: its scans.
+        repeats_from: the number of the scan from which on the run repeats itself for ever; None
+            if the story is over with the last row. If it is the last row, the run stays there.
+        fault: why the program stops after the last row; else empty.
+        cycle_ns: the time between two scans.
+    """
+
+    start: str
+    rows: list[Row]
+    repeats_from: int | None
+    fault: str
+    cycle_ns: int
+    predicates: Predicates = field(repr=False)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain values, times in s."""
+        rows = [{"scan": r.scan, "t_s": r.scan * self.cycle_ns / 1e9, "action": r.action,
+                 "changes": r.changes} for r in self.rows if r.changes or r.action]
+        return {"initial": self.start, "scans": len(self.rows), "rows": rows,
+                "repeats_from_scan": self.repeats_from, "fault": self.fault}
+
+    def lines(self, known: Mapping[str, Value] | None = None) -> list[str]:
+        """Return it as text, a line for each scan that changed something."""
+        text = [f"  from a cold start, {self.start}:"]
+        for row in self.rows:
+            if row.scan == self.repeats_from:
+                stays = row is self.rows[-1]
+                text.append("  from here on nothing can happen any more:" if stays else
+                            "  from here on again and again:")
+            if row.action:
+                text.append(f"  {'':>6}  {row.action}")
+            if row.changes:
+                told = ", ".join(f"{tag.partition('.')[2] or tag} = {_shown(value)}"
+                                 for tag, value in row.changes.items())
+                text.append(f"  {row.scan:>6}  {told}")
+        if self.fault:
+            text.append(f"  {'':>6}  FAULT: {self.fault}")
+        return text
+
+    def trace(self) -> Trace:
+        """Return it as a trace with one frame a scan; the first one holds every tag."""
+        trace = Trace(self.predicates.tags)
+        before: Sequence[Value] = ()
+        for row in self.rows:
+            changes: tuple[Change, ...] = tuple(
+                (i, v) for i, v in enumerate(row.values) if not before or before[i] != v)
+            trace.observe(Frame(row.scan * self.cycle_ns, row.scan, changes))
+            before = row.values
+        trace.end_ns = (len(self.rows) - 1) * self.cycle_ns
+        return trace
+
+
+def _shown(value: Value) -> str:
+    return str(value).upper() if isinstance(value, bool) else str(value)
+
+
+def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: Lasso,
+            watched: int | None, cycle_ns: int) -> Path:
+    """Return a run as a path, executing its scans again.
+
+    Args:
+        loop: the closed loop.
+        graph: in which the run's states are numbered.
+        predicates: knows the tags.
+        run: what to show.
+        watched: the path ends in the scan of its last step in which this watched formula holds.
+        cycle_ns: the time between two scans.
+    """
+    origin = loop.origins[graph.states[run.start]]
+    writer = _Writer(loop, predicates)
+    writer.take("", loop.first_scans(origin)[0])
+    here = run.start
+    for step in run.stem:
+        here = writer.step(graph, here, step)
+    fault = graph.states[here].fault
+    repeats = None
+    if watched is not None:
+        writer.cut(watched)
+    elif not fault:
+        repeats = len(writer.rows) if run.cycle else len(writer.rows) - 1
+        for step in run.cycle:
+            here = writer.step(graph, here, step)
+    return Path(loop.plant.name_of(origin), writer.rows, repeats, fault, cycle_ns, predicates)
+
+
+class _Writer:
+    """Collects rows."""
+
+    def __init__(self, loop: ClosedLoop, predicates: Predicates) -> None:
+        self.loop, self.predicates = loop, predicates
+        self.rows: list[Row] = []
+        self.before: tuple[Value, ...] = ()
+        self.last: list[Scan] = []
+        self.names = [tag.name for tag in predicates.tags]
+        self.shown = [tag.type != "TIME" for tag in predicates.tags]
+
+    def step(self, graph: StateGraph, source: int, step: Step) -> int:
+        scans = self.loop.scans(graph.states[source], step.action)[0]
+        self.take(str(step.action), scans)
+        return step.target
+
+    def take(self, action: str, scans: list[Scan]) -> None:
+        self.last = scans
+        for n, scan in enumerate(scans):
+            values = tuple(self.predicates.values(scan.memory, self.loop.facts(scan.plant)))
+            changes = {name: now for name, now, shown, old in
+                       zip(self.names, values, self.shown, self.before or _initial(values),
+                           strict=True) if shown and now != old}
+            self.rows.append(Row(len(self.rows), action if n == 0 else "", changes,
+                                 self.loop.raw_inputs(scan.plant), values))
+            self.before = values
+
+    def cut(self, watched: int) -> None:
+        """Drop the scans of the last step after the first one in which a formula holds."""
+        for n, scan in enumerate(self.last):
+            if self.loop.watch(scan.memory, self.loop.facts(scan.plant)) >> watched & 1:
+                del self.rows[len(self.rows) - len(self.last) + n + 1:]
+                return
+
+
+def _initial(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """What counts as unchanged in the first scan: FALSE, 0 and empty texts."""
+    return tuple(type(value)() for value in values)

@@ -1,0 +1,218 @@
+"""All properties of one closed loop, judged together over one exploration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from plant_sim.abstraction import Abstraction
+from plcemu.base.errors import CompileError
+from plcemu.base.spans import Diagnostic
+from plcemu.base.tags import Tag
+from plcemu.engine.resource import Resource
+from plcemu.io.mapping import Point
+from plcemu.monitor.formula import Formula
+from plcemu.monitor.parse import Property
+from plcemu.verify.check import (
+    HOLDS,
+    INCONCLUSIVE,
+    VIOLATED,
+    Check,
+    Evidence,
+    Finding,
+    StateGraph,
+    check_for,
+)
+from plcemu.verify.cone import cone_of
+from plcemu.verify.explore import Limits, Progress, explore
+from plcemu.verify.fair import Lasso, run_to
+from plcemu.verify.loop import ClosedLoop, Merge
+from plcemu.verify.machine import ScanMachine, place_of
+from plcemu.verify.path import Path, path_of
+from plcemu.verify.predicates import Predicates
+
+_FACT_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
+NO_FAULT = "no_fault"
+
+
+@dataclass(slots=True)
+class Proof:
+    """What became of one property.
+
+    Attributes:
+        name: of the property.
+        formula: as text.
+        description: in the user's words.
+        finding: the verdict and what shows it.
+        path: the counterexample, or the witness.
+        initial: the verdict for each initial state by name; empty if there is only one.
+        states: how many the exploration found.
+        seconds: how long exploration and judgement took.
+    """
+
+    name: str
+    formula: str
+    description: str
+    finding: Finding
+    path: Path | None
+    initial: dict[str, str]
+    states: int
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        document: dict[str, Any] = {
+            "name": self.name, "formula": self.formula, "description": self.description,
+            "verdict": self.finding.verdict, "vacuous": bool(self.finding.vacuous_in),
+            "vacuous_in": list(self.finding.vacuous_in), "reason": self.finding.reason,
+            "states": self.states, "seconds": round(self.seconds, 3),
+            "counterexample": None, "witness": None}
+        if self.path is not None:
+            key = "counterexample" if self.finding.verdict == VIOLATED else "witness"
+            document[key] = self.path.as_json()
+        if self.initial:
+            document["initial"] = dict(self.initial)
+        return document
+
+
+@dataclass(slots=True)
+class Result:
+    """All proofs, what was explored, and what was cut away or assumed for it."""
+
+    proofs: list[Proof]
+    graph: StateGraph
+    scans: int
+    cuts: list[str] = field(default_factory=list)
+
+
+class Prover:
+    """A program, a finite plant and what is to be proved of them.
+
+    Args:
+        resource: the program on its engine.
+        plant: the abstraction.
+        inputs: where the plant's readings go.
+        outputs: what its actuators follow.
+        cycle_ns: the time between two scans.
+        properties: what is demanded.
+        merge: see `plcemu.verify.loop`.
+
+    Raises:
+        CompileError: a property names what does not exist, or mixes up types.
+        PlcemuError: the program cannot be verified in this way.
+    """
+
+    def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
+                 outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
+                 merge: Merge = "stable") -> None:
+        self.cycle_ns, self.properties = cycle_ns, list(properties)
+        program = resource.program
+        facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
+                 for f in plant.facts]
+        self.predicates = Predicates(program, facts)
+        diagnostics: list[Diagnostic] = [d for p in self.properties
+                                         for d in self.predicates.check(p.formula)]
+        if diagnostics:
+            raise CompileError(diagnostics)
+        self.checks: list[Check] = [check_for(p.formula) for p in self.properties]
+        watched: list[Formula] = [f for c in self.checks for f in c.watched]
+        formulas = watched + [f for c in self.checks for f in c.tested]
+        asked = self.predicates.bytes_of(formulas)
+        for point in outputs:
+            at = place_of(program, point)
+            asked.update(range(at, at + point.width) if at is not None else ())
+        kept = cone_of(program, asked)
+        self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
+                               self.predicates.mask(formulas), (1 << len(watched)) - 1, merge,
+                               cycle_ns)
+        self.cuts = self._cuts(kept, merge)
+
+    def _cuts(self, kept: frozenset[int] | None, merge: Merge) -> list[str]:
+        """Return what is cut away or assumed, in words."""
+        cuts = []
+        if kept is None:
+            cuts.append("no variable is cut away: the program reaches memory through addresses "
+                        "that are not known before it runs")
+        else:
+            cut = [s.tag.name for s in self.predicates.slots if s.offset not in kept]
+            clocks = [name for name in cut if name.endswith(".T")]
+            names = [name for name in cut if name not in clocks]
+            clock_text = [f"{len(clocks)} step times that nothing reads"] if clocks else []
+            if cut:
+                cuts.append("cut away, because nothing that is asked about depends on it: " +
+                            ", ".join([*names, *clock_text]))
+        if merge == "stable":
+            cuts.append("scans are merged up to the next rest of program and plant: assumed is "
+                        "that no event of the plant comes during the few scans until then")
+        return cuts
+
+    def prove(self, limits: Limits = Limits(),  # noqa: B008
+              on_progress: Callable[[Progress], None] | None = None) -> Result:
+        """Explore, and judge every property."""
+        before = self.loop.machine.scans
+        graph = explore(self.loop, limits, on_progress=on_progress)
+        proofs = [self._judge(graph, entry, check, *firsts) for entry, check, firsts in
+                  zip(self.properties, self.checks, self._firsts(), strict=True)]
+        fault = self._fault(graph)
+        if fault is not None:
+            proofs.insert(0, fault)
+        return Result(proofs, graph, self.loop.machine.scans - before, self.cuts)
+
+    def _firsts(self) -> Iterable[tuple[int, int]]:
+        """Yield for each check the numbers of its first watched and its first tested formula."""
+        watched, tested = 0, sum(len(c.watched) for c in self.checks)
+        for check in self.checks:
+            yield watched, tested
+            watched, tested = watched + len(check.watched), tested + len(check.tested)
+
+    def _judge(self, graph: StateGraph, entry: Property, check: Check, first: int,
+               first_tested: int) -> Proof:
+        watch, loop = self.loop.watch, self.loop
+        evidence = Evidence(loop, graph, first, first_tested,
+                            lambda n, s: bool(watch(s.memory, loop.facts(s.plant)) >> n & 1))
+        finding = check.judge(evidence)
+        watched = None if finding.watched is None else first + finding.watched
+        path = None
+        if finding.run is not None:
+            path = path_of(loop, graph, self.predicates, finding.run, watched, self.cycle_ns)
+        return Proof(entry.name, str(entry.formula), entry.description, finding, path,
+                     self._by_initial(graph, finding), len(graph), graph.seconds)
+
+    def _by_initial(self, graph: StateGraph, finding: Finding) -> dict[str, str]:
+        """Return the verdict for each initial state: violated where a bad state can be reached."""
+        if len(self.loop.origins) < 2 or finding.bad is None or not graph.complete:
+            return {}
+        reached = backwards(graph, finding.bad)
+        return {self.loop.plant.name_of(origin): VIOLATED if n in reached else HOLDS
+                for origin, n in self.loop.starts(graph.number)}
+
+    def _fault(self, graph: StateGraph) -> Proof | None:
+        """Return the violated demand that the program does not fault, if it does."""
+        at = next((n for n, s in enumerate(graph.states) if s.fault), None)
+        if at is None:
+            return None
+        run = Lasso(*run_to(graph, at), [])
+        path = path_of(self.loop, graph, self.predicates, run, None, self.cycle_ns)
+        finding = Finding(VIOLATED, run=run, bad={n for n, s in enumerate(graph.states)
+                                                  if s.fault})
+        return Proof(NO_FAULT, "the program never faults", "", finding, path,
+                     self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def backwards(graph: StateGraph, goal: Iterable[int]) -> set[int]:
+    """Return the states from which one of the goal's can be reached."""
+    sources: dict[int, list[int]] = {}
+    for number in range(len(graph)):
+        for target in graph.targets(number):
+            sources.setdefault(target, []).append(number)
+    reached, todo = set(goal), list(goal)
+    while todo:
+        for source in sources.get(todo.pop(), ()):
+            if source not in reached:
+                reached.add(source)
+                todo.append(source)
+    return reached
+
+
+__all__ = ["HOLDS", "INCONCLUSIVE", "VIOLATED", "Proof", "Prover", "Result"]

@@ -1,0 +1,49 @@
+"""The transition system: all that checkers and schedulers know of what they judge.
+
+States and actions are hashable. A program becomes one through `plcemu.verify.loop`, whose `next`
+is the real scan, so that what is proved is what runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Iterable, Sequence
+from typing import Protocol, TypeVar, runtime_checkable
+
+S = TypeVar("S", bound=Hashable)
+A = TypeVar("A", bound=Hashable)
+_S = TypeVar("_S", bound=Hashable, contravariant=True)
+_A = TypeVar("_A", bound=Hashable, contravariant=True)
+
+
+class TransitionSystem(Protocol[S, A]):
+    """States, and what may happen in each."""
+
+    def initial(self) -> Iterable[S]:
+        """The states that a run may begin in."""
+
+    def actions(self, state: S) -> Sequence[A]:
+        """What may happen in a state; none where a run stays for ever."""
+
+    def next(self, state: S, action: A) -> S:
+        """The state after an action."""
+
+
+@runtime_checkable
+class Fair(Protocol[_S, _A]):
+    """What may be pending in a state, and which actions bring it about.
+
+    Weak fairness: nothing stays pending for ever without being done.
+    """
+
+    def pending(self, state: _S) -> Collection[str]:
+        """What is under way in a state."""
+
+    def done(self, action: _A) -> Collection[str]:
+        """What of the pending an action brings about."""
+
+
+class Timed(TransitionSystem[S, A], Protocol[S, A]):
+    """A transition system whose actions take time and may produce something."""
+
+    def cost(self, state: S, action: A) -> tuple[int, int]:
+        """How long an action takes, in whole units of time, and how much it produces."""
