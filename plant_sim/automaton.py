@@ -28,7 +28,7 @@ from plant_sim.curves import (
     Torricelli,
 )
 from plant_sim.gauges import Sensor, actuator, disturbance, gauge, switch
-from plant_sim.hybrid import End, HybridPlant, ZenoError
+from plant_sim.hybrid import End, HybridPlant, Moment, ZenoError
 from plant_sim.lines import NEVER_NS, exact, first_not_negative
 from plant_sim.parameters import Parameters
 from plant_sim.solver import Ode, OdeCurve, State, Trajectory, search_first
@@ -253,6 +253,13 @@ class HybridAutomaton(HybridPlant):
     def _put(self, quantity: str, line: Any) -> None:
         self._lines[quantity] = line
         self._moved.add(quantity)
+
+    def _keep(self) -> Moment:
+        return super()._keep()._replace(mode=(self._mode, self._laws, self._entered))
+
+    def _put_back(self, moment: Moment) -> None:
+        super()._put_back(moment)
+        self._mode, self._laws, self._entered = moment.mode
 
     def _guards(self) -> Iterable[End]:
         return self._mode.guards

@@ -57,7 +57,7 @@ class ZenoError(RuntimeError):
     """A plant that changes its mode for ever at one instant: a mistake in the plant's model."""
 
 
-class _Moment(NamedTuple):
+class Moment(NamedTuple):
     """All that a look ahead must put back."""
 
     t_ns: int
@@ -70,6 +70,7 @@ class _Moment(NamedTuple):
     values: dict[str, PortValue]
     changes: dict[str, int]
     change_ns: int
+    mode: Any = None
 
 
 class SensorReading(Protocol):
@@ -371,8 +372,8 @@ class HybridPlant(ABC):
                 break
         return self._t_ns
 
-    def _keep(self) -> _Moment:
-        return _Moment(
+    def _keep(self) -> Moment:
+        return Moment(
             self._t_ns,
             dict(self._lines),
             self.memory.copy(),
@@ -385,7 +386,7 @@ class HybridPlant(ABC):
             self._change_ns,
         )
 
-    def _put_back(self, moment: _Moment) -> None:
+    def _put_back(self, moment: Moment) -> None:
         self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
         del self.log[moment.log_length :]
         self._ends, self._mode_end_ns = moment.ends, moment.mode_end_ns

@@ -5,11 +5,13 @@ Paths in a file are relative to that file. `extends` takes another configuration
 
 from __future__ import annotations
 
+import copy
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import yaml
 from pydantic import (
@@ -283,6 +285,45 @@ def find_config(path: str | Path | None) -> Path:
     return chosen
 
 
+@dataclass(frozen=True)
+class ConfigText:
+    """A configuration as read, of which overrides make one configuration after another."""
+
+    file: Path
+    values: Mapping[str, Any]
+    places: Mapping[KeyPath, str]
+
+    @classmethod
+    def read(cls, path: str | Path | None) -> Self:
+        """Read a configuration file, or the one in a folder.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        file = find_config(path)
+        return cls(file, *_read(file, ()))
+
+    def config(self, overrides: Sequence[str] = ()) -> Config:
+        """Return the configuration with `NAME=VALUE` overrides.
+
+        Raises:
+            ConfigError: with every mistake, each with its file and line.
+        """
+        values, places = copy.deepcopy(dict(self.values)), dict(self.places)
+        for override in overrides:
+            key = _override(values, override)
+            places[key] = f"--set {override}"
+            if key in _PATH_KEYS:
+                _find_beside(values, key, self.file.parent)
+        try:
+            config = Config.model_validate(values)
+        except ValidationError as problems:
+            raise ConfigError([_problem(str(self.file), places, p)
+                               for p in problems.errors()]) from None
+        config._file, config._places = str(self.file), places
+        return config
+
+
 def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Config:
     """Read a configuration and the `NAME=VALUE` overrides for it.
 
@@ -292,20 +333,17 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
     Raises:
         ConfigError: with every mistake, each with its file and line.
     """
-    file = find_config(path)
-    values, places = _read(file, ())
-    for override in overrides:
-        key = _override(values, override)
-        places[key] = f"--set {override}"
-    try:
-        config = Config.model_validate(values)
-    except ValidationError as problems:
-        raise ConfigError([_problem(str(file), places, p) for p in problems.errors()]) from None
-    config._file, config._places = str(file), places
-    return config
+    return ConfigText.read(path).config(overrides)
 
 
 _PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
+
+
+def _find_beside(values: dict[str, Any], key: KeyPath, folder: Path) -> None:
+    """Let files of the command line that do not exist as named stand beside the configuration."""
+    section = values if len(key) == 1 else values[key[0]]
+    section[key[-1]] = [str(folder / p) if isinstance(p, str) and not Path(p).exists()
+                        and (folder / p).exists() else p for p in _as_list(section[key[-1]])]
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
