@@ -1,13 +1,13 @@
 """The conveyor as a linear hybrid automaton: all that it can do, for exact reachability.
 
-The speed v is constant in a run but not known, so position = v · time is a product of two unknowns.
-Measured in times it is linear again: `tau` is the time since the motor started and `y` the time
-since the limit switch was reached, negative before. As the switch stands at s, v = s / (tau - y), and
-the conveyor stops at s · tau / (tau - y). Times in s, positions in mm.
+The speed v is constant in a run but not known, so position = v · time is a product of two
+unknowns. Measured in times it is linear again: `tau` is the time since the motor started and `y`
+the time since the limit switch was reached, negative before. As the switch stands at s,
+v = s / (tau - y), and the conveyor stops at s · tau / (tau - y). Times in s, positions in mm.
 
-The duration of the way back is left open here (any time), which allows more than the plant can do.
-Nothing is lost: no more is reached before the first stop, and every run after a return begins as the
-first one did.
+The duration of the way back is left open here (any time), which allows more than the plant can
+do. Nothing is lost: no more is reached before the first stop, and every run after a return begins
+as the first one did.
 """
 
 from __future__ import annotations
