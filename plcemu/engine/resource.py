@@ -15,6 +15,7 @@ from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.types import Value
 from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
+from plcemu.engine.jitter import Jitter, JitteredReleases
 from plcemu.engine.memory import Memory
 from plcemu.ir.program import Program, Task
 
@@ -56,6 +57,7 @@ class _TaskState:
     code: Code
     looks_for_event: bool = False
     quiet: bool = False
+    jittered: JitteredReleases | None = None
 
 
 class Resource:
@@ -67,6 +69,7 @@ class Resource:
         engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
+        jitter: of periodic tasks; None: none.
         budget: instructions that jumps backwards may cost in one run of a task.
 
     Raises:
@@ -76,8 +79,10 @@ class Resource:
 
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET,
+                 jitter: Jitter | None = None) -> None:
         self.program = program
+        self._jitter = jitter
         self.engine = make_engine(engine, program, budget)
         self.memory = Memory(program.layout, self.engine.block)
         self.state = State.RUN
@@ -104,7 +109,9 @@ class Resource:
             if task.event:
                 prepared.append(_TaskState(task, cycle_ns, code, looks_for_event=True))
             if task.interval_ns or not task.event:
-                prepared.append(_TaskState(task, interval, code))
+                jittered = JitteredReleases(task.phase_ns, interval, self._jitter, task.name) \
+                    if self._jitter is not None else None
+                prepared.append(_TaskState(task, interval, code, jittered=jittered))
         return prepared
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
@@ -261,16 +268,22 @@ class Resource:
 
 
 def _is_due(state: _TaskState, t_ns: int) -> bool:
+    if state.jittered is not None:
+        return state.jittered.is_due(t_ns)
     since = t_ns - state.task.phase_ns
     return since >= 0 and since % state.interval_ns == 0
 
 
 def _first_release(state: _TaskState, not_before_ns: int) -> int:
+    if state.jittered is not None:
+        return state.jittered.first(not_before_ns)
     since = max(0, not_before_ns - state.task.phase_ns)
     return state.task.phase_ns + -(-since // state.interval_ns) * state.interval_ns
 
 
 def _last_release(state: _TaskState, before_ns: int) -> int:
+    if state.jittered is not None:
+        return state.jittered.last(before_ns)
     since = before_ns - 1 - state.task.phase_ns
     return state.task.phase_ns + since // state.interval_ns * state.interval_ns if since >= 0 \
         else -1
@@ -278,5 +291,7 @@ def _last_release(state: _TaskState, before_ns: int) -> int:
 
 def _count_before(state: _TaskState, t_ns: int) -> int:
     """Return how many releases of a task lie before an instant."""
+    if state.jittered is not None:
+        return state.jittered.count(0, t_ns)
     since = t_ns - state.task.phase_ns
     return max(0, -(-since // state.interval_ns))

@@ -60,6 +60,20 @@ def _positive(value: object) -> int:
     return t_ns
 
 
+def _percent(value: object) -> Fraction:
+    text, mistake = str(value).strip(), ValueError("a part of the cycle from 0 % to 90 %, "
+                                                   "such as 0.5 %")
+    if not text.endswith("%") or len(text) > _DIGITS_LIMIT or "e" in text.lower():
+        raise mistake
+    try:
+        part = Fraction(text[:-1].strip()) / 100
+    except (ValueError, ZeroDivisionError):
+        raise mistake from None
+    if not 0 <= part <= Fraction(9, 10):
+        raise mistake
+    return part
+
+
 def _factor(value: object) -> Fraction:
     text, mistake = str(value), ValueError("a number between 1e-9 and 1e9")
     exponent = text.lower().partition("e")[2].lstrip("+-")
@@ -92,6 +106,7 @@ def _text(value: object) -> object:
 Duration = Annotated[int, BeforeValidator(_not_negative)]
 PositiveDuration = Annotated[int, BeforeValidator(_positive)]
 Factor = Annotated[Fraction, BeforeValidator(_factor)]
+Percent = Annotated[Fraction, BeforeValidator(_percent)]
 Texts = Annotated[list[str], BeforeValidator(_texts)]
 Number = Annotated[bool | int | float, BeforeValidator(_number)]
 Unit = Annotated[int, Field(ge=0, le=255)]
@@ -110,6 +125,17 @@ class TaskSection(Section):
     priority: int = Field(0, ge=0, le=65535)
     phase: Duration = 0
     programs: Texts
+
+
+class JitterSection(Section):
+    """How the duration of cycles varies; `per` run: all cycles of a run by the same amount."""
+
+    deviation: Percent
+    per: Literal["cycle", "run"] = "cycle"
+
+
+def _deviation(value: object) -> object:
+    return value if isinstance(value, dict) or value is None else {"deviation": value}
 
 
 class RangeSection(Section):
@@ -197,6 +223,7 @@ class PlantSection(Section):
     inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
     outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
     period: PositiveDuration | None = None
+    output_delay: Literal["none", "cycle"] = "none"
 
 
 class LimitsSection(Section):
@@ -227,6 +254,8 @@ class Config(Section):
     engine: str = "auto"
     sfc_final_scan: bool = False
     sipn_single_firing: bool = False
+    jitter: Annotated[JitterSection | None, BeforeValidator(_deviation)] = None
+    seed: int = Field(0, ge=0, lt=2**63)
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
@@ -401,8 +430,11 @@ def _override(values: dict[str, Any], text: str) -> KeyPath:
     target = values
     for key in path[:-1]:
         inner = target.get(key)
-        target[key] = {} if inner is None else {"address": inner} if _is_point(path, inner) \
-            else inner
+        if _is_point(path, inner):
+            inner = {"address": inner}
+        elif path[0] == "jitter" and isinstance(inner, str):
+            inner = _deviation(inner)
+        target[key] = {} if inner is None else inner
         target = target[key]
         if not isinstance(target, dict):
             raise ConfigError([f"--set {text}: {key} holds a value, not keys"])
@@ -502,6 +534,7 @@ def _expected(error: Any) -> str:
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
     (): Config,
+    ("jitter",): JitterSection,
     ("tasks", "*"): TaskSection,
     ("modbus",): ModbusSection,
     ("modbus", "ranges", "*"): RangeSection,

@@ -15,6 +15,7 @@ from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNa
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
 from plcemu.engine.engines import ENGINES
+from plcemu.engine.jitter import Jitter
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
@@ -24,7 +25,7 @@ from plcemu.modbus import RUN_OBJECT, AddressMap, Identity, MapRange, ModbusTcpS
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
-from plcemu.runtime.config import Config, PointSection
+from plcemu.runtime.config import Config, PlantSection, PointSection, plant_parameters
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
@@ -133,10 +134,18 @@ def make_resource(config: Config, program: Program) -> Resource:
         _check_programs(config, program)
     _check_safe_outputs(config, program)
     try:
-        return Resource(program, config.cycle, config.engine, tasks or None, config.safe_outputs)
+        return Resource(program, config.cycle, config.engine, tasks or None, config.safe_outputs,
+                        jitter=_jitter(config))
     except (PlcemuError, ValueError) as problem:
         key = "engine" if config.engine not in ENGINES else "tasks"
         raise config.mistake((key,), problem) from None
+
+
+def _jitter(config: Config) -> Jitter | None:
+    section = config.jitter
+    if section is None:
+        return None
+    return Jitter(section.deviation, section.per == "run", config.seed)
 
 
 def _check_programs(config: Config, program: Program) -> None:
@@ -195,7 +204,7 @@ def make_plant(config: Config) -> Plant:
     if section is None:
         raise config.mistake(("plant",), "is missing")
     try:
-        return load(section.model, section.parameters)
+        return load(section.model, _parameters(config, section))
     except PlantLoadError as problem:
         raise config.mistake(("plant", "model"), problem) from None
     except ParameterError as problem:
@@ -204,6 +213,12 @@ def make_plant(config: Config) -> Plant:
     except Exception as problem:  # whatever a user's own class raises
         raise config.mistake(("plant", "model"), f"cannot be made: {type(problem).__name__}: "
                              f"{problem}") from problem
+
+
+def _parameters(config: Config, section: PlantSection) -> dict[str, Any]:
+    """Return the plant's parameters; a plant that draws by a seed takes the configuration's."""
+    seeded = "seed" in plant_parameters(section.model)
+    return {**({"seed": config.seed} if seeded else {}), **section.parameters}
 
 
 def make_coupling(config: Config) -> Coupling:
@@ -220,7 +235,7 @@ def make_coupling(config: Config) -> Coupling:
                      [p for p in ports if p.direction == "sensor"])
     outputs = _points(config, section.outputs, "outputs",
                       [p for p in ports if p.direction == "actuator"])
-    return Coupling(plant, inputs, outputs, section.time_scale)
+    return Coupling(plant, inputs, outputs, section.time_scale, section.output_delay == "cycle")
 
 
 def _points(config: Config, section: Mapping[str, PointSection], what: str,
