@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -28,7 +28,7 @@ EPILOG = """examples:
   plcemu reach il_programs/conveyor --vary cycle=5ms..15ms:100us --within 1.5
   plcemu reach il_programs/conveyor --study figure7 --plot figure7.svg
 
-All numbers are exact: rationals, never rounded. Cycle times of a run vary freely within the jitter."""
+All numbers are exact: rationals, never rounded. The cycles of a run vary freely within the jitter."""
 
 _SHOWN = 40
 """Values of a study that are printed as a table; more go to --csv or --json."""
@@ -65,7 +65,8 @@ def execute(arguments: argparse.Namespace) -> int:
     text = ConfigText.read(arguments.config)
     config = text.config(arguments.overrides)
     overrides, vary, limit = list(arguments.overrides), arguments.vary, arguments.within
-    title, show = config.name or "reach", "range"
+    title = config.name or "reach"
+    show: Literal["interval", "range"] = "range"
     if arguments.study is not None:
         section = config.reach.study(arguments.study)
         if section is None:

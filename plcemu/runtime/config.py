@@ -88,6 +88,10 @@ def _factor(value: object) -> Fraction:
     return factor
 
 
+def _limit(value: object) -> Fraction | None:
+    return None if value is None else _factor(value)
+
+
 def _number(value: object) -> object:
     if not isinstance(value, bool | int | float):
         raise ValueError("true, false or a number")
@@ -245,6 +249,28 @@ class VerifySection(Section):
     limits: LimitsSection = LimitsSection()
 
 
+class StudySection(Section):
+    """A study of `plcemu reach`: a parameter varied, an objective's reachable interval drawn."""
+
+    vary: str
+    set: list[str] = []
+    show: Literal["interval", "range"] = "range"
+    within: Annotated[Fraction | None, BeforeValidator(_limit)] = None
+    title: str = ""
+
+
+class ReachSection(Section):
+    """Exact reachability."""
+
+    regions: Literal["auto", "zones", "polyhedra"] = "auto"
+    states: int = Field(default=200_000, ge=1)
+    studies: dict[str, StudySection] = {}
+
+    def study(self, name: str) -> StudySection | None:
+        """Return the study of a name, or None."""
+        return self.studies.get(name)
+
+
 class Config(Section):
     """A whole configuration."""
 
@@ -264,6 +290,7 @@ class Config(Section):
     plant: PlantSection | None = None
     properties: Texts = []
     verify: VerifySection = VerifySection()
+    reach: ReachSection = ReachSection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
@@ -544,6 +571,8 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,
     ("verify", "limits"): LimitsSection,
+    ("reach",): ReachSection,
+    ("reach", "studies", "*"): StudySection,
 }
 
 
