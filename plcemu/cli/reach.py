@@ -28,7 +28,7 @@ EPILOG = """examples:
   plcemu reach il_programs/conveyor --vary cycle=5ms..15ms:100us --within 1.5
   plcemu reach il_programs/conveyor --study figure7 --plot figure7.svg
 
-All numbers are exact: rationals, never rounded. The cycles of a run vary freely within the jitter."""
+All numbers are exact: rationals, never rounded. Cycles vary freely within the jitter."""
 
 _SHOWN = 40
 """Values of a study that are printed as a table; more go to --csv or --json."""
