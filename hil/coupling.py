@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from typing import Any, NamedTuple
 
 from plant_sim.contract import Plant
 from plcemu.base.areas import parse_address
@@ -40,6 +41,20 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> 
         taken[str(point.address)] = name
         made.append(point)
     return made
+
+
+class Checkpoint(NamedTuple):
+    """The state of a coupling.
+
+    Attributes:
+        plant: snapshot of the plant.
+        origin_ns: the plant's time at the PLC's instant 0.
+        outputs: the raw values of the outputs that the actuators follow; None for none yet.
+    """
+
+    plant: Mapping[str, Any]
+    origin_ns: int
+    outputs: Sequence[int] | None
 
 
 class Coupling:
@@ -77,6 +92,15 @@ class Coupling:
             return None
         wait = Fraction(event - self._origin_ns) / self._scale
         return -(-wait.numerator // wait.denominator)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the state of plant and coupling, to which an equal coupling can return."""
+        return Checkpoint(self.plant.snapshot(), self._origin_ns, self._outputs_before)
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up the state of a checkpoint."""
+        self.plant.restore(point.plant)
+        self._origin_ns, self._outputs_before = point.origin_ns, point.outputs
 
     def take_outputs(self, raw: Sequence[int]) -> bool:
         """Let the actuators follow the outputs' raw values; return whether any changed."""

@@ -1,9 +1,10 @@
 """The plant contract: what a PLC, a test bench or a checker may ask of any plant.
 
-A plant has *ports* (sensors and actuators, which can be wired to a PLC) and *facts* (what an
-observer may know, but no sensor shows: an overflow, a count of batches). Ports carry units and
-never addresses. Time is an integer of nanoseconds that only `advance` moves, and the partition of
-a stretch of time into calls of `advance` never changes a result.
+A plant has *ports* and *facts*. Sensors and actuators can be wired to a PLC; disturbances are what
+nature does to the plant (a leak, a failing condenser). Facts are what an observer may know but no
+sensor shows: an overflow, a count of batches. Ports carry units and never addresses. Time is an
+integer of nanoseconds that only `advance` moves, and the partition of a stretch of time into calls
+of `advance` never changes a result.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ FactValue = bool | int | float
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One sensor or actuator of a plant.
+    """One sensor, actuator or disturbance of a plant.
 
     `low`, `high` and `resolution` are in `unit`. A real sensor reads whole multiples of its
-    resolution; for a Boolean port low, high and resolution are 0, 1 and 1.
+    resolution; for a Boolean port low, high and resolution are 0, 1 and 1. An actuator is off, and
+    a disturbance absent, at `low`.
     """
 
     name: str
-    direction: Literal["sensor", "actuator"]
+    direction: Literal["sensor", "actuator", "disturbance"]
     kind: Literal["bool", "real"]
     unit: str
     low: float
@@ -83,14 +85,21 @@ class Plant(Protocol):
         Raises ValueError for a name that is no actuator.
         """
 
+    def disturb(self, values: Mapping[str, PortValue]) -> None:
+        """Set the named disturbances together at the present instant; the others keep their value.
+
+        Raises ValueError for a name that is no disturbance.
+        """
+
     def advance(self, t_ns: int) -> None:
         """Move to exactly `t_ns`. Raises ValueError if that is in the past."""
 
     def next_event_ns(self) -> int | None:
         """Earliest instant after `t_ns` at which a watched reading or a fact changes.
 
-        It holds for as long as no actuator changes; None if nothing will ever change. A plant that
-        goes through very many modes without showing anything may name an earlier instant.
+        It holds for as long as no actuator or disturbance changes; None if nothing will ever
+        change. A plant that goes through very many modes without showing anything may name an
+        earlier instant.
         """
 
     def sense(self) -> dict[str, PortValue]:

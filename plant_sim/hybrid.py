@@ -1,10 +1,10 @@
-"""What piecewise-linear hybrid plants share: modes, guards, timers, events, sensors, snapshots.
+"""What hybrid plants share: modes, guards, timers, events, sensors, snapshots.
 
-Between events every quantity of the plant is a straight line (`lines.Line`). A *mode* lasts until
-a guard (a linear form) stops being negative, a timer expires or an actuator changes; then the
-plant *settles*: it resets quantities, chooses slopes and notes facts. All event instants are whole
-ns, found exactly. A plant re-anchors lines only when it settles, so `advance` between events moves
-nothing but the time.
+Between events every quantity of the plant is a function of time: a straight line (`lines.Line`)
+here, other curves in `automaton`. A *mode* lasts until a guard is reached, a timer expires or an
+actuator changes; then the plant *settles*: it resets quantities, chooses how they go on and notes
+facts. All event instants are whole ns. A plant re-anchors its quantities only when it settles, so
+`advance` between events moves nothing but the time.
 """
 
 from __future__ import annotations
@@ -12,16 +12,26 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from plant_sim.contract import Fact, FactValue, Port, PortValue
 from plant_sim.lines import NEVER_NS, Form, Line, exact, first_not_negative
 from plant_sim.memory import Memory
 from plant_sim.parameters import Parameters
-from plant_sim.readings import Reading
 
 _ZERO_TIME_LIMIT = 64
 """Settlings at one instant; more means a plant that switches for ever without time passing."""
+
+
+class End(Protocol):
+    """Something that ends a mode."""
+
+    @property
+    def name(self) -> str:
+        """What `_settle` gets to know of it."""
+
+    def first_ns(self, lines: Mapping[str, Any], t_ns: int) -> int:
+        """The first instant from `t_ns` on at which it ends the mode, or NEVER_NS."""
 
 
 class Guard(NamedTuple):
@@ -29,6 +39,11 @@ class Guard(NamedTuple):
 
     name: str
     form: Form
+
+    def first_ns(self, lines: Mapping[str, Any], t_ns: int) -> int:
+        """The first instant from `t_ns` on at which the form is not negative, or NEVER_NS."""
+        course = self.form.seen(lines, t_ns)
+        return t_ns + first_not_negative(course.value, course.slope)
 
 
 class Timer(NamedTuple):
@@ -46,11 +61,10 @@ class _Moment(NamedTuple):
     """All that a look ahead must put back."""
 
     t_ns: int
-    lines: dict[str, Line]
+    lines: dict[str, Any]
     memory: Memory
     log_length: int
-    guards: tuple[Guard, ...]
-    timers: tuple[Timer, ...]
+    ends: list[tuple[int, str]]
     mode_end_ns: int
     counts: dict[str, int]
     values: dict[str, PortValue]
@@ -58,8 +72,22 @@ class _Moment(NamedTuple):
     change_ns: int
 
 
+class SensorReading(Protocol):
+    """How a sensor reads the quantities of a plant, in whole resolutions."""
+
+    @property
+    def quantities(self) -> frozenset[str]:
+        """Names of the quantities that the reading depends on."""
+
+    def count(self, lines: Mapping[str, Any], t_ns: int) -> int:
+        """The count read at `t_ns`."""
+
+    def next_change_ns(self, lines: Mapping[str, Any], t_ns: int, count: int) -> int:
+        """First instant after `t_ns` at which not `count`, read at `t_ns`, is read, or NEVER_NS."""
+
+
 class HybridPlant(ABC):
-    """Base of piecewise-linear plants; implements the plant contract.
+    """Base of all hybrid plants; implements the plant contract.
 
     A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `observe` and
     `report`. In `_settle` it uses `self.actuators`, `self.memory`, `_value`, `_set`, `_slope` and
@@ -77,13 +105,14 @@ class HybridPlant(ABC):
         parameters: Parameters,
         ports: Sequence[Port],
         facts: Sequence[Fact],
-        readings: Mapping[str, Reading],
+        readings: Mapping[str, SensorReading],
     ) -> None:
         self.parameters = parameters
         self.ports = tuple(ports)
         self.facts = tuple(facts)
         self._readings = dict(readings)
         self._sources = {name: reading.quantities for name, reading in readings.items()}
+        self._directions = {port.name: port.direction for port in self.ports}
         sensors = [port for port in self.ports if port.direction == "sensor"]
         self._resolutions = {port.name: exact(port.resolution) for port in sensors}
         self._boolean = frozenset(port.name for port in sensors if port.kind == "bool")
@@ -94,8 +123,8 @@ class HybridPlant(ABC):
     # What a plant supplies
 
     @abstractmethod
-    def _begin(self) -> dict[str, int]:
-        """Initial value of every quantity, in quanta."""
+    def _begin(self) -> dict[str, Any]:
+        """Initial value of every quantity; of a line in quanta."""
 
     @abstractmethod
     def _settle(self, fired: frozenset[str]) -> None:
@@ -106,7 +135,7 @@ class HybridPlant(ABC):
         """
 
     @abstractmethod
-    def _guards(self) -> Iterable[Guard]:
+    def _guards(self) -> Iterable[End]:
         """The guards of the present mode."""
 
     def _timers(self) -> Iterable[Timer]:
@@ -122,7 +151,8 @@ class HybridPlant(ABC):
         """Summary of the run so far, ready for JSON."""
 
     def _value(self, quantity: str) -> int:
-        return self._lines[quantity].at(self._t_ns)
+        value: int = self._lines[quantity].at(self._t_ns)
+        return value
 
     def _set(self, quantity: str, value: int) -> None:
         self._put(quantity, self._lines[quantity].with_value(value, self._t_ns))
@@ -137,7 +167,8 @@ class HybridPlant(ABC):
 
     def _rises(self, quantity: str) -> int:
         """An integer with the sign of the quantity's slope."""
-        return self._lines[quantity].num
+        slope: int = self._lines[quantity].num
+        return slope
 
     def note(self, entry: str) -> None:
         """Add an entry to the log, as long as `log_limit` allows."""
@@ -159,24 +190,31 @@ class HybridPlant(ABC):
         self.actuators: dict[str, PortValue] = {
             port.name: False if port.kind == "bool" else port.low
             for port in self.ports
-            if port.direction == "actuator"
+            if port.direction != "sensor"
         }
         self.memory = Memory()
         self.memory.numbers["log_dropped"] = 0
         self.log: list[tuple[int, str]] = []
         self._moved: set[str] = set()
-        self._lines = {name: Line(value) for name, value in self._begin().items()}
+        self._lines: dict[str, Any] = self._first_lines()
         self._forget_readings()
         self._enter_mode(frozenset())
         self._run_events_until(0)
 
     def actuate(self, values: Mapping[str, PortValue]) -> None:
         """Set the named actuators together; raises ValueError for a name that is none."""
-        actuators = self.actuators
+        self._drive(values, "actuator")
+
+    def disturb(self, values: Mapping[str, PortValue]) -> None:
+        """Set the named disturbances together; raises ValueError for a name that is none."""
+        self._drive(values, "disturbance")
+
+    def _drive(self, values: Mapping[str, PortValue], direction: str) -> None:
+        actuators, directions = self.actuators, self._directions
         changed = False
         for name, value in values.items():
-            if name not in actuators:
-                raise ValueError(f"{self.name} has no actuator {name}")
+            if directions.get(name) != direction:
+                raise ValueError(f"{self.name} has no {direction} {name}")
             changed = changed or actuators[name] != value
         if changed:
             actuators.update(
@@ -228,7 +266,7 @@ class HybridPlant(ABC):
             "t_ns": self._t_ns,
             "actuators": dict(self.actuators),
             "watched": list(self._watched),
-            "lines": {name: list(line) for name, line in self._lines.items()},
+            "lines": self._lines_image(),
             "memory": self.memory.to_json(),
             "log": [list(entry) for entry in self.log],
         }
@@ -239,11 +277,22 @@ class HybridPlant(ABC):
             raise ValueError(f"the snapshot is not of this {self.name} and its parameters")
         self._t_ns = image["t_ns"]
         self.actuators = dict(image["actuators"])
-        self._lines = {name: Line(*line) for name, line in image["lines"].items()}
+        self._restore_lines(image["lines"])
         self.memory = Memory.from_json(image["memory"])
         self.log = [(t_ns, entry) for t_ns, entry in image["log"]]
         self.watch(image["watched"])
         self._arm()
+
+    # How quantities are kept
+
+    def _first_lines(self) -> dict[str, Any]:
+        return {name: Line(value) for name, value in self._begin().items()}
+
+    def _lines_image(self) -> Any:
+        return {name: list(line) for name, line in self._lines.items()}
+
+    def _restore_lines(self, image: Any) -> None:
+        self._lines = {name: Line(*line) for name, line in image.items()}
 
     # Modes and events
 
@@ -254,11 +303,10 @@ class HybridPlant(ABC):
 
     def _arm(self) -> None:
         t_ns, lines = self._t_ns, self._lines
-        self._guards_now = tuple(self._guards())
-        self._timers_now = tuple(self._timers())
-        ends = [timer.t_ns for timer in self._timers_now]
-        ends += [t_ns + _first_hit(guard, lines, t_ns) for guard in self._guards_now]
-        self._mode_end_ns = min(ends, default=NEVER_NS)
+        ends = [(guard.first_ns(lines, t_ns), guard.name) for guard in self._guards()]
+        ends += [(timer.t_ns, timer.name) for timer in self._timers()]
+        self._ends = ends
+        self._mode_end_ns = min(ends)[0] if ends else NEVER_NS
 
     def _run_events_until(self, t_ns: int) -> None:
         steps = 0
@@ -271,11 +319,7 @@ class HybridPlant(ABC):
     def _step(self) -> None:
         """Go to the end of the present mode and into the next."""
         t_ns = self._t_ns = self._mode_end_ns
-        fired = [timer.name for timer in self._timers_now if timer.t_ns <= t_ns]
-        for guard in self._guards_now:
-            if guard.form.seen(self._lines, t_ns).value >= 0:
-                fired.append(guard.name)
-        self._enter_mode(frozenset(fired))
+        self._enter_mode(frozenset(name for end_ns, name in self._ends if end_ns <= t_ns))
 
     # Readings
 
@@ -333,8 +377,7 @@ class HybridPlant(ABC):
             dict(self._lines),
             self.memory.copy(),
             len(self.log),
-            self._guards_now,
-            self._timers_now,
+            self._ends,
             self._mode_end_ns,
             dict(self._counts),
             dict(self._values),
@@ -345,14 +388,9 @@ class HybridPlant(ABC):
     def _put_back(self, moment: _Moment) -> None:
         self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
         del self.log[moment.log_length :]
-        self._guards_now, self._timers_now = moment.guards, moment.timers
-        self._mode_end_ns = moment.mode_end_ns
+        self._ends, self._mode_end_ns = moment.ends, moment.mode_end_ns
         self._counts, self._values = moment.counts, moment.values
         self._changes = moment.changes
         self._change_ns = moment.change_ns
         self._moved.clear()
 
-
-def _first_hit(guard: Guard, lines: Mapping[str, Line], t_ns: int) -> int:
-    course = guard.form.seen(lines, t_ns)
-    return first_not_negative(course.value, course.slope)

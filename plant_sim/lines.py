@@ -87,7 +87,7 @@ def first_positive(value: int, slope: int) -> int:
     return -value // slope + 1 if slope > 0 else NEVER_NS
 
 
-def exact(number: float) -> Fraction:
+def exact(number: float | Fraction) -> Fraction:
     """The decimal number that a float was written as: 0.1 is one tenth."""
     return Fraction(repr(number)) if isinstance(number, float) else Fraction(number)
 

@@ -7,6 +7,7 @@ nothing changed leaves no frame in a trace.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -69,6 +70,11 @@ class Trace:
         if len(self.frames) >= self.limit:
             raise LimitError(f"the trace is full ({self.limit} frames); record a shorter time")
         self.frames.append(frame)
+
+    def cut(self, scan: int) -> None:
+        """Forget the frames of a scan and of all later ones."""
+        del self.frames[bisect_left(self.frames, scan, key=lambda frame: frame.scan):]
+        self.end_ns = self.frames[-1].t_ns if self.frames else 0
 
     def values(self) -> Iterator[tuple[int, dict[int, Value]]]:
         """Yield (t_ns, all values by tag index) after each frame; the dict is reused."""

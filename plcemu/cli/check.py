@@ -12,6 +12,7 @@ from plcemu.cli.output import print_json
 from plcemu.ir.program import Program
 from plcemu.ir.text import print_program
 from plcemu.lang.compile import compile_program
+from plcemu.lang.sipn_il import export_il
 
 NAME = "check"
 HELP = "compile program files and print every diagnostic as file:line:column: CODE message"
@@ -23,6 +24,11 @@ PASSES = ("ir", "tags")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     parser.add_argument("files", nargs="+", metavar="FILE", type=Path, help="program text")
+    parser.add_argument("--export", choices=("il",), metavar="il",
+                        help="print the text with its Signal Interpreted Petri Nets written as "
+                        "Instruction List")
+    parser.add_argument("--single-firing", action="store_true",
+                        help="let nets fire once in a scan, as sipn_single_firing in config.yaml")
     parser.add_argument("--dump", choices=PASSES, metavar="PASS",
                         help=f"print what a pass made: {', '.join(PASSES)}")
 
@@ -33,23 +39,30 @@ def execute(arguments: argparse.Namespace) -> int:
     diagnostics: list[Diagnostic] = []
     failure = 1
     try:
-        program = compile_program(arguments.files)
+        program = compile_program(arguments.files, single_firing=arguments.single_firing)
         diagnostics = list(program.warnings)
+        exported = export_il(arguments.files, single_firing=arguments.single_firing) \
+            if arguments.export else ""
     except CompileError as error:
+        program = None
         diagnostics, failure = error.diagnostics, 2 if error.is_unreadable else 1
     if arguments.json:
         document = {"ok": program is not None, "diagnostics": [d.as_json() for d in diagnostics]}
         if arguments.dump and program is not None:
             document["dump"] = _dump(program, arguments.dump)
+        if arguments.export and program is not None:
+            document["export"] = exported
         print_json(document)
         return 0 if program is not None else failure
-    # With --dump, stdout is the dump's.
-    out = sys.stderr if arguments.dump else sys.stdout
+    # With --dump or --export, stdout is theirs.
+    out = sys.stderr if arguments.dump or arguments.export else sys.stdout
     for diagnostic in diagnostics:
         print(diagnostic, file=out)
     if program is None:
         return failure
-    if arguments.dump:
+    if arguments.export:
+        sys.stdout.write(exported)
+    elif arguments.dump:
         sys.stdout.write(_dump(program, arguments.dump))
     else:
         code = sum(len(f.code) for f in program.functions.values())

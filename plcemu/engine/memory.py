@@ -84,6 +84,15 @@ class Memory:
         self._shown = now
         return tuple((i, self.read(i)) for i in sorted(found))
 
+    @property
+    def shown(self) -> bytes:
+        """The block as `values` or `changes` last told it; set to tell from there on."""
+        return self._shown
+
+    @shown.setter
+    def shown(self, block: bytes) -> None:
+        self._shown = block
+
     def advance_clocks(self, elapsed_ns: int) -> None:
         """Let time pass: add it to every running clock cell, up to the cell's limit."""
         for clock in self.layout.clocks:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
@@ -37,6 +37,22 @@ class Engine(Protocol):
 
 ENGINES = ("auto", "interpreter")
 """The engines to choose from; `auto` is the fastest that this platform has."""
+
+
+class Checkpoint(NamedTuple):
+    """The whole state of a resource between two scans.
+
+    Attributes:
+        memory: the memory block.
+        state: RUN, STOP or FAULT.
+        fault: why it is in FAULT.
+        last_ns: the instant of the last scan; None before the first.
+    """
+
+    memory: bytes
+    state: State
+    fault: ProgramFault | None
+    last_ns: int | None
 
 
 @dataclass(slots=True)
@@ -240,10 +256,14 @@ class Resource:
         """Tell that memory was written from outside, so that scans matter again."""
         self._wake()
 
-    def become(self, other: Resource) -> None:
-        """Take over the whole state of another resource of the same program."""
-        self.memory.restore(other.memory.snapshot())
-        self.state, self.fault, self._last_ns = other.state, other.fault, other._last_ns
+    def checkpoint(self) -> Checkpoint:
+        """Return the whole state, to which a resource of the same program can return."""
+        return Checkpoint(self.memory.snapshot(), self.state, self.fault, self._last_ns)
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up the state of a checkpoint."""
+        self.memory.restore(point.memory)
+        self.state, self.fault, self._last_ns = point.state, point.fault, point.last_ns
         self._wake()
 
     def snapshot(self) -> bytes:

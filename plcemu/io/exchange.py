@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from plcemu.base.areas import AREAS, SIZES
 from plcemu.base.errors import LimitError
@@ -100,6 +101,23 @@ def _swapped(data: bytes, width: int) -> bytes:
     return bytes(out)
 
 
+class Waiting(NamedTuple):
+    """A write that waits: the name of the client's port, then the arguments of `Port.write`."""
+
+    port: str
+    area: str
+    offset: int
+    data: bytes
+    mask: bytes | None
+
+
+class Checkpoint(NamedTuple):
+    """The image of every area, one after another, and the forces by memory offset."""
+
+    image: bytes
+    forces: dict[int, bytes]
+
+
 @dataclass(frozen=True, slots=True)
 class _Write:
     port: Port
@@ -162,6 +180,11 @@ class Port:
         write = _Write(self, area, offset, bytes(data), mask)
         self._exchange.queue(write)
         self._pending.append(write)
+
+    @property
+    def pending(self) -> tuple[tuple[str, int, bytes, bytes | None], ...]:
+        """The writes that wait for the next scan, as the arguments of `write`."""
+        return tuple((w.area, w.offset, w.data, w.mask) for w in self._pending)
 
     def latched(self) -> None:
         """Forget the writes that have gone into the image (called by the exchange)."""
@@ -230,12 +253,29 @@ class Exchange:
         """The forces in effect: memory offset to bytes."""
         return dict(self._forces)
 
-    def become(self, other: Exchange) -> None:
-        """Take over the image and the forces of another exchange of the same program."""
-        for area, image in other._image.items():
-            self._image[area][:] = image
-        self._forces = dict(other._forces)
-        self.update_outputs()
+    def waiting_writes(self, without: str) -> tuple[Waiting, ...]:
+        """Return what waits for the next scan, in order, without the writes of one client."""
+        return tuple(Waiting(w.port.name, w.area, w.offset, w.data, w.mask) for w in self._queue
+                     if w.port.name != without)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return image and forces, to which an exchange of the same program can return."""
+        return Checkpoint(b"".join(self._image.values()), dict(self._forces))
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up image and forces of a checkpoint; the writes that wait are forgotten.
+
+        Memory is as it was then, too: nothing is published before the next scan.
+        """
+        for write in self._queue:
+            write.port.latched()
+        self._queue = []
+        begin = 0
+        for image in self._image.values():
+            image[:] = point.image[begin:begin + len(image)]
+            begin += len(image)
+        self._forces = dict(point.forces)
+        self._last_raw = [b""] * len(self._extents)
 
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""

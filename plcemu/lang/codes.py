@@ -43,4 +43,13 @@ CODES: dict[str, str] = {
     "P0080": "a source file cannot be read",
     "P0090": "not supported yet",
     "P0100": "a stated limit is reached",
+    "P0110": "there is no such place",
+    "P0111": "the net has no initial place",
+    "P0112": "a place that nothing marks",
+    "P0113": "a transition of a net that never fires",
+    "P0114": "transitions that may be in conflict",
+    "P0115": "a net that may stop for ever",
+    "P0116": "an output without a value in a stable marking",
+    "P0117": "an output with two values in a stable marking",
+    "P0118": "a condition reads the net itself",
 }

@@ -25,6 +25,7 @@ from plcemu.lang.image import Image, addresses_in
 from plcemu.lang.lexer import tokenize
 from plcemu.lang.lower_il import InstructionList
 from plcemu.lang.lower_sfc import Chart
+from plcemu.lang.lower_sipn import SignalNet
 from plcemu.lang.lower_st import Statements
 from plcemu.lang.planning import Planned, Planner
 from plcemu.lang.report import Report
@@ -45,7 +46,7 @@ _TYPED_BLOCK = re.compile(r"\b(?:CTU|CTD|CTUD|TP|TON|TOF)_(\w+)", re.IGNORECASE)
 
 @paused_collector()
 def compile_program(source: str | Path | Iterable[str | Path], *,
-                    final_scan: bool = False) -> Program:
+                    final_scan: bool = False, single_firing: bool = False) -> Program:
     """Compile a text, a file or several files into one program.
 
     Each PROGRAM becomes one instance of its name; all run in one task with the resource's cycle.
@@ -54,6 +55,8 @@ def compile_program(source: str | Path | Iterable[str | Path], *,
         source: what to compile.
         final_scan: whether the actions of charts run once more in the scan in which they end
             (2.6.4.5, figures 14 and 15).
+        single_firing: whether nets either take the inputs or fire once in a scan, so that each scan
+            is one state of the net's state graph; else they fire until they are stable.
 
     Raises:
         CompileError: with every mistake found.
@@ -73,7 +76,7 @@ def compile_program(source: str | Path | Iterable[str | Path], *,
         report.error("P0061", Span(sources[0], 0, 0), "there is no PROGRAM in this text")
     instances, tasks = Planner(units, scopes, declarations.globals, image, report).plan()
     plan = _plan(declarations, scopes, instances, image)
-    functions = _lower_all(declarations, image, plan, report)
+    functions = _lower_all(declarations, image, plan, report, single_firing)
     outer = _connect(units, instances, declarations, image, plan, report)
     functions.update((function.name, function) for function, _ in outer.values())
     report_recursion(functions, scopes, report)
@@ -191,12 +194,12 @@ def _variant(text: str, of: str, other: str) -> str:
 # ---------------------------------------------------------------- lowering
 
 
-def _lower_all(declarations: Declarations, image: Image, plan: Functions,
-               report: Report) -> dict[str, Function]:
+def _lower_all(declarations: Declarations, image: Image, plan: Functions, report: Report,
+               single_firing: bool) -> dict[str, Function]:
     """Lower every POU that has a scope: the user's, and what of the library they use."""
     functions: dict[str, Function] = {}
     for scope in list(declarations.scopes.values()):
-        _PouLowering(scope, image, plan, report, functions).lower()
+        _PouLowering(scope, image, plan, report, functions, single_firing).lower()
     return functions
 
 
@@ -204,7 +207,8 @@ class _PouLowering:
     """Lowers one POU into its functions: the main one, and one for each action and condition."""
 
     def __init__(self, scope: Scope, image: Image, plan: Functions, report: Report,
-                 functions: dict[str, Function]) -> None:
+                 functions: dict[str, Function], single_firing: bool) -> None:
+        self._single_firing = single_firing
         self._scope, self._image, self._plan, self._report = scope, image, plan, report
         self._functions = functions
 
@@ -216,6 +220,8 @@ class _PouLowering:
         self._find_edges(main)
         if isinstance(body, s.SfcBody):
             Chart(main, self._part).lower(body)
+        elif isinstance(body, s.SipnBody):
+            SignalNet(main, self._part, self._single_firing).lower(body)
         else:
             self._body(main, body)
         self._finish(main)

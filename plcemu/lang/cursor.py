@@ -18,8 +18,8 @@ RESERVED = frozenset((
     "CONFIGURATION", "END_CONFIGURATION", "TYPE", "END_TYPE", "VAR", "VAR_INPUT", "VAR_OUTPUT",
     "VAR_IN_OUT", "VAR_TEMP", "VAR_GLOBAL", "VAR_EXTERNAL", "END_VAR", "INITIAL_STEP", "STEP",
     "END_STEP", "TRANSITION", "END_TRANSITION", "ACTION", "END_ACTION", "IF", "THEN", "ELSIF",
-    "ELSE", "END_IF", "CASE", "OF", "END_CASE", "FOR", "TO", "BY", "DO", "END_FOR", "WHILE",
-    "END_WHILE", "REPEAT", "UNTIL", "END_REPEAT", "EXIT", "RETURN"))
+    "ELSE", "END_IF", "END_PLACE", "CASE", "OF", "END_CASE", "FOR", "TO", "BY", "DO", "END_FOR",
+    "WHILE", "END_WHILE", "REPEAT", "UNTIL", "END_REPEAT", "EXIT", "RETURN"))
 """Keywords that can be no name and at which recovery stops."""
 
 

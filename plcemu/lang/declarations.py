@@ -12,6 +12,7 @@ from plcemu.lang.il import looks_like_il, parse_il
 from plcemu.lang.lexer import Token
 from plcemu.lang.report import Report
 from plcemu.lang.sfc import ELEMENTS, parse_sfc
+from plcemu.lang.sipn import looks_like_sipn, parse_sipn
 from plcemu.lang.st import parse_statements
 from plcemu.lang.typespecs import parse_initial, parse_type
 from plcemu.lang.variables import SECTIONS, parse_section
@@ -92,6 +93,8 @@ def _pou(cursor: Cursor) -> s.Pou:
 def _body(cursor: Cursor) -> s.Body:
     if cursor.at(*ELEMENTS):
         return parse_sfc(cursor)
+    if looks_like_sipn(cursor):
+        return parse_sipn(cursor)
     if looks_like_il(cursor):
         return parse_il(cursor)
     start = cursor.place()

@@ -14,6 +14,7 @@ from plcemu.base.spans import Span
 from plcemu.lang import syntax as s
 from plcemu.lang.emitter import Emitter
 from plcemu.lang.lower_st import Statements
+from plcemu.lang.nodes import all_of, any_of, boolean, named
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Scope
 from plcemu.lang.scopebuilder import CONTROLLED, was_active
@@ -56,7 +57,7 @@ class Chart:
         # The initial situation is taken on the first scan; transitions count from the second.
         span = body.span
         first = tuple(_set(step.span, f"__on_{step.name}") for step in body.steps if step.initial)
-        begin = s.If(span, ((s.Unary(span, "NOT", _name(span, "__started")),
+        begin = s.If(span, ((s.Unary(span, "NOT", named(span, "__started")),
                              (_set(span, "__started"), *first)),), _evolve(body, conditions))
         clocks = tuple(_clock(step) for step in body.steps)
         actions = [made for use in self._uses(body) for made in self._action(use)]
@@ -197,11 +198,11 @@ class Chart:
         statements: list[s.Statement] = []
         if control.upper() in self._scope.places:
             statements = self._control(use, control, active)
-            active = _name(use.span, control, "Q")
+            active = named(use.span, control, "Q")
         body = self._bodies.get(use.name.upper())
         if body is not None:
             return [*statements, *self._run(use, body, active)]
-        variable = use.uses[0][1].variable or _name(use.span, use.name)
+        variable = use.uses[0][1].variable or named(use.span, use.name)
         if not self._is_boolean_variable(use, variable):
             return []
         return [*statements, s.Assign(use.span, variable, active)]
@@ -212,16 +213,16 @@ class Chart:
         if was_active(use.name) not in self._scope.places:
             return [s.If(span, ((active, (run,)),))]
         # The pulses P1 and P0 run it without a final scan of their own (figures 14 and 15).
-        now, was = f"__now_{use.name.upper()}", _name(span, was_active(use.name))
+        now, was = f"__now_{use.name.upper()}", named(span, was_active(use.name))
         self._out.declare_local(now, BOOL)
-        pulses = _any([_pulse(step, a) for step, a in use.uses
+        pulses = any_of([_pulse(step, a) for step, a in use.uses
                        if a.qualifier in ("P1", "P0")], span)
-        resets = _any([_name(span, step.name, "X") for step, a in use.uses
+        resets = any_of([named(span, step.name, "X") for step, a in use.uses
                        if a.qualifier == "R"], span)
-        runs = _any([_name(span, now), was,
-                     _all([pulses, s.Unary(span, "NOT", resets)], span)], span)
-        return [s.Assign(span, _name(span, now), active), s.If(span, ((runs, (run,)),)),
-                s.Assign(span, was, _name(span, now))]
+        runs = any_of([named(span, now), was,
+                     all_of([pulses, s.Unary(span, "NOT", resets)], span)], span)
+        return [s.Assign(span, named(span, now), active), s.If(span, ((runs, (run,)),)),
+                s.Assign(span, was, named(span, now))]
 
     def _is_boolean_variable(self, use: _ActionUse, variable: s.Name | s.Direct) -> bool:
         if isinstance(variable, s.Direct) or len(variable.parts) > 1:
@@ -251,7 +252,7 @@ class Chart:
         apart = ("P1", "P0") if with_final_scan else ()
         terms = [_pulse(step, a) for step, a in use.uses
                  if a.qualifier not in CONTROLLED and a.qualifier not in apart]
-        return _any(terms, use.span)
+        return any_of(terms, use.span)
 
     def _control(self, use: _ActionUse, control: str, active: s.Expr) -> list[s.Statement]:
         """Return the statements that work the action's control block (figure 14)."""
@@ -262,9 +263,9 @@ class Chart:
             for step, association in chosen:
                 if association.time is not None:
                     self._duration(association, control, step, statements)
-            flags: list[s.Expr] = [_name(a.span, step.name, "X") for step, a in chosen]
-            arguments.append(s.Argument(use.span, qualifier, _any(flags, use.span)))
-        statements.append(s.Invoke(use.span, _name(use.span, control), tuple(arguments)))
+            flags: list[s.Expr] = [named(a.span, step.name, "X") for step, a in chosen]
+            arguments.append(s.Argument(use.span, qualifier, any_of(flags, use.span)))
+        statements.append(s.Invoke(use.span, named(use.span, control), tuple(arguments)))
         return statements
 
     def _duration(self, association: s.Association, control: str, step: s.Step,
@@ -272,9 +273,9 @@ class Chart:
         """Set the duration for a timed qualifier while its step is active."""
         assert association.time is not None
         span = association.time.span
-        set_time = s.Assign(span, _name(span, control, f"T_{association.qualifier}"),
+        set_time = s.Assign(span, named(span, control, f"T_{association.qualifier}"),
                             association.time)
-        statements.append(s.If(span, ((_name(span, step.name, "X"), (set_time,)),)))
+        statements.append(s.If(span, ((named(span, step.name, "X"), (set_time,)),)))
 
 
 def _evolve(body: s.SfcBody, conditions: list[str]) -> tuple[s.Statement, ...]:
@@ -288,12 +289,12 @@ def _evolve(body: s.SfcBody, conditions: list[str]) -> tuple[s.Statement, ...]:
     for n, transition in ranked:
         span = transition.span
         sources = [name.head for name in transition.sources]
-        enabled: list[s.Expr] = [_name(span, source, "X") for source in sources]
-        enabled += [s.Unary(span, "NOT", _name(span, f"__off_{source}")) for source in sources]
+        enabled: list[s.Expr] = [named(span, source, "X") for source in sources]
+        enabled += [s.Unary(span, "NOT", named(span, f"__off_{source}")) for source in sources]
         fire = [_set(span, f"__off_{source}") for source in sources]
         fire += [_set(span, f"__on_{target.head}") for target in transition.targets]
         fires = s.If(span, ((s.Evaluate(span, conditions[n]), tuple(fire)),))
-        statements.append(s.If(span, ((_all(enabled, span), (fires,)),)))
+        statements.append(s.If(span, ((all_of(enabled, span), (fires,)),)))
     return tuple(statements)
 
 
@@ -302,48 +303,22 @@ def _clock(step: s.Step) -> s.Statement:
     span = step.span
 
     def assign(target: tuple[str, ...], value: s.Expr) -> s.Statement:
-        return s.Assign(span, _name(span, *target), value)
+        return s.Assign(span, named(span, *target), value)
 
-    entered = (assign((step.name, "X"), _true(span)),
+    entered = (assign((step.name, "X"), boolean(span, True)),
                assign((step.name, "T"), s.Literal(span, "time", 0, "TIME")),
                assign((step.name, "__limit"), s.Literal(span, "time", TIME.high, "TIME")))
     left = (assign((step.name, "X"), s.Literal(span, "bool", False)),
-            assign((step.name, "__limit"), _name(span, step.name, "T")))
-    return s.If(span, ((_name(span, f"__on_{step.name}"), entered),
-                       (_name(span, f"__off_{step.name}"), left)))
+            assign((step.name, "__limit"), named(span, step.name, "T")))
+    return s.If(span, ((named(span, f"__on_{step.name}"), entered),
+                       (named(span, f"__off_{step.name}"), left)))
 
 
 def _pulse(step: s.Step, association: s.Association) -> s.Expr:
     span = association.span
     by_qualifier = {"N": (step.name, "X"), "P0": (f"__off_{step.name}",)}
-    return _name(span, *by_qualifier.get(association.qualifier, (f"__on_{step.name}",)))
+    return named(span, *by_qualifier.get(association.qualifier, (f"__on_{step.name}",)))
 
 
 def _set(span: Span, name: str) -> s.Statement:
-    return s.Assign(span, _name(span, name), _true(span))
-
-
-def _name(span: Span, *parts: str) -> s.Name:
-    return s.Name(span, parts)
-
-
-def _true(span: Span) -> s.Expr:
-    return s.Literal(span, "bool", True)
-
-
-def _joined(op: str, terms: list[s.Expr], empty: bool, span: Span) -> s.Expr:
-    if not terms:
-        return s.Literal(span, "bool", empty)
-    joined = terms[0]
-    for term in terms[1:]:
-        joined = s.Binary(span, op, joined, term)
-    return joined
-
-
-def _any(terms: list[s.Expr], span: Span) -> s.Expr:
-    return _joined("OR", terms, False, span)
-
-
-def _all(terms: list[s.Expr], span: Span) -> s.Expr:
-    return _joined("AND", terms, True, span)
-
+    return s.Assign(span, named(span, name), boolean(span, True))

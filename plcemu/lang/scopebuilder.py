@@ -12,8 +12,10 @@ from plcemu.lang import syntax as s
 from plcemu.lang.constants import NotConstant, fold
 from plcemu.lang.image import Image, name_key, read_address
 from plcemu.lang.located import count_elements, is_inside, misfit
+from plcemu.lang.nodes import names_in
 from plcemu.lang.report import Report
 from plcemu.lang.scope import Located, Scope
+from plcemu.lang.sipn import FLAGS
 from plcemu.lang.types import (
     BOOL,
     BlockType,
@@ -52,8 +54,12 @@ class ScopeBuilder:
         body = self.scope.pou.body
         if isinstance(body, s.SfcBody) and self.scope.pou.kind == "FUNCTION":
             self._report.error("P0010", body.span, "a FUNCTION has no memory, so it has no steps")
+        elif isinstance(body, s.SipnBody) and self.scope.pou.kind == "FUNCTION":
+            self._report.error("P0010", body.span, "a FUNCTION has no memory, so it has no places")
         elif isinstance(body, s.SfcBody):
             self._chart(body)
+        elif isinstance(body, s.SipnBody):
+            self._net(body)
         self.scope.type.size = -(-self.scope.type.size // 8) * 8
         if self.scope.type.size > MEMORY_LIMIT:
             self._report.error("P0100", self.scope.pou.span, f"an instance of "
@@ -206,6 +212,23 @@ class ScopeBuilder:
             for each in body.actions:
                 self._hidden(was_active(each.name), BOOL)
 
+    def _net(self, body: s.SipnBody) -> None:
+        """Declare places, transitions and flags, each a BOOL, and what conditions are held in."""
+        flags = [(name, body.span, name == "eoc", "the net itself tells of it") for name in FLAGS]
+        flags += [(p.name, p.span, p.initial, "only the net marks its places")
+                  for p in body.places]
+        flags += [(t.name, t.span, False, "the net itself tells of its transitions")
+                  for t in body.transitions]
+        for name, span, value, read_only in flags:
+            key = name.upper()
+            if key in self.scope.places or key in self.scope.temporaries:
+                self._twice(key, name, span)
+                continue
+            made = self.scope.type.add(name, BOOL, initial=bytes([value]))
+            self.scope.places[key] = Place("this", made.offset, BOOL, name, read_only)
+        for transition in body.transitions:
+            self._hidden(f"__holds_{transition.name}", BOOL)
+
     def _hidden(self, name: str, of: Type) -> None:
         made = self.scope.type.add(name, of)
         self.scope.places[name.upper()] = Place("this", made.offset, of, name)
@@ -222,18 +245,8 @@ CONTROLLED = frozenset(("R", "S", "L", "D", "SD", "DS", "SL"))
 
 def _steps_whose_time_is_read(body: s.SfcBody) -> set[str]:
     """Return the steps, in capitals, whose elapsed time T the chart's texts read."""
-    found: set[str] = set()
-    pending: list[object] = [t.condition for t in body.transitions + body.conditions]
-    pending += [a.body for a in body.actions]
-    pending += [a.time for step in body.steps for a in step.associations]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, s.Name):
-            if len(node.parts) == 2 and str(node.parts[1]).upper() == "T":
-                found.add(node.head.upper())
-            pending.extend(part for part in node.parts if isinstance(part, tuple))
-        elif isinstance(node, tuple):
-            pending.extend(node)
-        elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Span):
-            pending.extend(getattr(node, name) for name in node.__dataclass_fields__)
-    return found
+    texts = (*(t.condition for t in body.transitions + body.conditions),
+             *(a.body for a in body.actions),
+             *(a.time for step in body.steps for a in step.associations))
+    return {name.head.upper() for name in names_in(texts)
+            if len(name.parts) == 2 and str(name.parts[1]).upper() == "T"}

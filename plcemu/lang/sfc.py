@@ -116,9 +116,9 @@ def _transition(cursor: Cursor) -> s.Transition:
         priority = int(cursor.advance().value)
         cursor.expect(")", "after the priority", "P0011")
     cursor.expect("FROM")
-    sources = _step_names(cursor)
+    sources = node_names(cursor, "a step's name")
     cursor.expect("TO")
-    targets = _step_names(cursor)
+    targets = node_names(cursor, "a step's name")
     span = start.to(cursor.previous.span)
     if name and (cursor.at("END_TRANSITION") or cursor.accept(";")):
         cursor.expect("END_TRANSITION", code="P0011")
@@ -141,9 +141,10 @@ def _condition(cursor: Cursor) -> s.Expr | s.IlBody:
     return condition
 
 
-def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
+def node_names(cursor: Cursor, what: str) -> tuple[s.Name, ...]:
+    """Parse the steps or places on one side of a transition: one, or several in parentheses."""
     def one() -> s.Name:
-        token = cursor.identifier("a step's name")
+        token = cursor.identifier(what)
         return s.Name(token.span, (token.text,))
 
     if not cursor.accept("("):
@@ -151,7 +152,7 @@ def _step_names(cursor: Cursor) -> tuple[s.Name, ...]:
     names = [one()]
     while cursor.accept(","):
         names.append(one())
-    cursor.expect(")", "after the steps' names", "P0011")
+    cursor.expect(")", "after the names", "P0011")
     return tuple(names)
 
 

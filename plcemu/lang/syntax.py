@@ -310,7 +310,46 @@ class SfcBody:
     conditions: tuple[Transition, ...] = ()
 
 
-Body = IlBody | StBody | SfcBody
+@dataclass(frozen=True, slots=True, eq=False)
+class NetOutput:
+    """The value that a marked place gives to an output."""
+
+    span: Span
+    target: Name | Direct
+    value: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NetPlace:
+    """A place of a Signal Interpreted Petri Net; an initial one is marked at a cold start."""
+
+    span: Span
+    name: str
+    initial: bool
+    outputs: tuple[NetOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NetTransition:
+    """A transition of a Signal Interpreted Petri Net: pre-places, post-places, firing condition."""
+
+    span: Span
+    name: str
+    sources: tuple[Name, ...]
+    targets: tuple[Name, ...]
+    condition: Expr
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SipnBody:
+    """A body that is a Signal Interpreted Petri Net."""
+
+    span: Span
+    places: tuple[NetPlace, ...]
+    transitions: tuple[NetTransition, ...]
+
+
+Body = IlBody | StBody | SfcBody | SipnBody
 
 
 # ---------------------------------------------------------------- declarations

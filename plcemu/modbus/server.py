@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import errno
 import logging
+import time
 from collections import deque
-from collections.abc import Container
+from collections.abc import Callable, Container
 
 from plcemu.io.exchange import Exchange
 from plcemu.modbus.connection import Connection, Settings
@@ -23,6 +24,10 @@ COUNTERS = (
     "closed_for_protocol_error",
 )
 """What is counted from the construction of a server on; `connections_open` is the number now."""
+
+LEAST_REQUESTS = 8
+"""Requests served between two scans however little time is left: a PLC that needs all its time for
+the scan must still be heard."""
 
 _HINTS = {
     errno.EADDRINUSE: "address already in use; another plcemu runs, or choose modbus.port",
@@ -51,6 +56,7 @@ class ModbusTcpServer:
         gives_way_after_s: silence after which a connection may be closed for a newcomer.
         requests_per_turn: requests of one connection answered in one turn of the loop.
         budget: requests served between two scans (`new_scan`); None for no bound.
+        clock: tells the time for `new_scan`, in s; that of the event loop.
     """
 
     def __init__(self, exchange: Exchange, address_map: AddressMap, identity: Identity, *,
@@ -58,7 +64,8 @@ class ModbusTcpServer:
                  units: Container[int] | None = None, is_silent_for_unknown_units: bool = False,
                  max_connections: int = 64, idle_timeout_s: float | None = 60.0,
                  gives_way_after_s: float = 5.0, requests_per_turn: int = 32,
-                 budget: int | None = None) -> None:
+                 budget: int | None = None,
+                 clock: Callable[[], float] = time.monotonic) -> None:
         self.settings = Settings(units, is_silent_for_unknown_units, idle_timeout_s,
                                  requests_per_turn)
         self.host = host
@@ -71,6 +78,9 @@ class ModbusTcpServer:
         self._max_connections = max_connections
         self._gives_way_after_s = gives_way_after_s
         self._budget_left = budget
+        self._clock = clock
+        self._until_s: float | None = None
+        self._taken = 0
         self._alive: set[Connection] = set()
         self._connections: set[Connection] = set()
         """Those of `_alive` that hold one of the `max_connections` places."""
@@ -116,9 +126,15 @@ class ModbusTcpServer:
         await server.wait_closed()
         logger.info("stopped listening on %s:%d", self.host, self._port)
 
-    def new_scan(self) -> None:
-        """Start the budget anew; the cycle calls it once a scan. It serves nothing itself."""
+    def new_scan(self, until_s: float | None = None) -> None:
+        """Start the budget anew; the cycle calls it once a scan. It serves nothing itself.
+
+        Args:
+            until_s: the time, by the server's clock, from which on requests wait for the next
+                scan; but `LEAST_REQUESTS` are always served. None for no bound.
+        """
         self._budget_left = self.budget
+        self._until_s, self._taken = until_s, 0
         self._plan_turn()
 
     def opened(self, connection: Connection) -> Unit | None:
@@ -158,12 +174,18 @@ class ModbusTcpServer:
 
     def take_request(self) -> bool:
         """Take one request out of the budget of this scan; False if it is used up."""
-        if self._budget_left is None:
-            return True
-        if self._budget_left <= 0:
+        if not self._may_serve():
             return False
-        self._budget_left -= 1
+        self._taken += 1
+        if self._budget_left is not None:
+            self._budget_left -= 1
         return True
+
+    def _may_serve(self) -> bool:
+        if self._budget_left == 0:
+            return False
+        return self._until_s is None or self._taken < LEAST_REQUESTS \
+            or self._clock() < self._until_s
 
     def is_waiting(self, connection: Connection) -> bool:
         """Whether a connection is queued for a turn."""
@@ -176,7 +198,7 @@ class ModbusTcpServer:
         self._plan_turn()
 
     def _plan_turn(self) -> None:
-        if self._turn_due is None and self._queue and self._budget_left != 0:
+        if self._turn_due is None and self._queue and self._may_serve():
             self._turn_due = self._loop.call_soon(self._next_turn)
 
     def _next_turn(self) -> None:

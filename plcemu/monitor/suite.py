@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable
 
 from plcemu.base.errors import CompileError
@@ -88,6 +89,11 @@ class Suite:
         """Cut the run after the instant `t_ns`, and return how every property stands."""
         self.advance(t_ns)
         return self.results()
+
+    def copy(self) -> Suite:
+        """Return an independent suite in the same state."""
+        fixed = [part for watch in self._watches for part in watch.fixed]
+        return copy.deepcopy(self, {id(part): part for part in fixed})
 
     def next_deadline_ns(self) -> int | None:
         """Return the first instant at which a verdict falls if nothing changes, in ns."""

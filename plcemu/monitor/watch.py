@@ -11,7 +11,7 @@ from plcemu.base.trace import Frame
 from plcemu.base.types import Value
 from plcemu.monitor.bind import Binder, Values
 from plcemu.monitor.evaluators import body_of, make_evaluator, premise_of
-from plcemu.monitor.formula import Binary, Formula, Unary, is_state, tag_refs
+from plcemu.monitor.formula import Binary, Formula, Unary, is_state, tag_refs, walk
 from plcemu.monitor.parse import Property
 from plcemu.monitor.verdict import FINAL, PRESUMED, Result, Verdict, Violation
 
@@ -40,6 +40,12 @@ class Watch:
         self._decided_at_ns: int | None = None
         self._violation: Violation | None = None
         self._reason = ""
+
+    @property
+    def fixed(self) -> list[object]:
+        """What never changes, so that copies of the watch can share it."""
+        return [self.entry, self._binder, *walk(self.entry.formula), *walk(self._formula),
+                *self._recent]
 
     def start(self, frame: Frame, values: Values) -> None:
         """Take the first frame; every tag of the formula must have a value in it."""

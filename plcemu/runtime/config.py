@@ -136,6 +136,19 @@ class ModbusSection(Section):
     ranges: list[RangeSection] | None = None
 
 
+class RealtimeSection(Section):
+    """How punctual the daemon's cycle is to be."""
+
+    timer_slack: PositiveDuration = 1
+    scheduler: Literal["other", "fifo"] = "other"
+    priority: int = Field(default=20, ge=1, le=99)
+    cpus: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] | None = None
+    lock_memory: bool = False
+    gc_freeze: bool = True
+    reserve: Duration = 200_000
+    spin: Duration = 0
+
+
 class PointSection(Section):
     """A port's place in the process image, and engineering units for one raw count."""
 
@@ -211,10 +224,12 @@ class Config(Section):
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
+    sipn_single_firing: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
     modbus: ModbusSection = ModbusSection()
+    realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
     properties: Texts = []
     verify: VerifySection = VerifySection()
@@ -448,10 +463,17 @@ def _expected(error: Any) -> str:
 
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
-    (): Config, ("plant",): PlantSection, ("modbus",): ModbusSection, ("tasks", "*"): TaskSection,
-    ("verify",): VerifySection, ("verify", "limits"): LimitsSection,
-    ("modbus", "ranges", "*"): RangeSection, ("plant", "inputs", "*"): InputSection,
-    ("plant", "outputs", "*"): OutputSection}
+    (): Config,
+    ("tasks", "*"): TaskSection,
+    ("modbus",): ModbusSection,
+    ("modbus", "ranges", "*"): RangeSection,
+    ("plant",): PlantSection,
+    ("plant", "inputs", "*"): InputSection,
+    ("plant", "outputs", "*"): OutputSection,
+    ("realtime",): RealtimeSection,
+    ("verify",): VerifySection,
+    ("verify", "limits"): LimitsSection,
+}
 
 
 def _known_keys(location: KeyPath) -> Iterable[str]:

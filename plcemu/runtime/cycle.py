@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import accumulate
 from typing import Protocol
 
@@ -18,10 +18,13 @@ from plcemu.base.tags import Tag, TagTable
 from plcemu.base.time import Clock
 from plcemu.base.trace import Change, Frame, Observer
 from plcemu.base.types import Value
+from plcemu.engine.resource import Checkpoint as ResourceCheckpoint
 from plcemu.engine.resource import Resource
+from plcemu.io.exchange import Checkpoint as ExchangeCheckpoint
 from plcemu.io.exchange import Exchange
 from plcemu.monitor import Suite
 from plcemu.monitor.parse import Property
+from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
 from plcemu.runtime.local_plant import LocalPlant
 
 
@@ -67,6 +70,40 @@ class CycleCounters:
         """Return the values of the tags."""
         return [self.overruns, self.missed]
 
+    def numbers(self) -> dict[str, int]:
+        """Return everything counted, by attribute."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tags"}
+
+
+class Recorder(Protocol):
+    """Who is asked before and after every lap; it only looks."""
+
+    def before_lap(self) -> None:
+        """The writes for the lap wait; nothing has been latched."""
+
+    def after_lap(self) -> None:
+        """The lap is over, and the next release is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """The whole state of a cycle between two laps, but for the writes of clients that wait.
+
+    Attributes:
+        place: `t_ns`, `now_ns` and `scan_number` of the cycle.
+        shown: what the last frame told: memory, then the other tags by source; None before it.
+        counters: the attributes of the counters that are numbers.
+        suite: the monitors.
+    """
+
+    place: tuple[int, int, int]
+    shown: tuple[bytes, tuple[tuple[Value, ...], ...]] | None
+    counters: dict[str, int]
+    resource: ResourceCheckpoint
+    exchange: ExchangeCheckpoint
+    plant: PlantCheckpoint | None
+    suite: Suite
+
 
 class _Verdicts:
     """The monitors' verdicts as tags."""
@@ -111,6 +148,7 @@ class Cycle:
         self.now_ns = 0
         self.scan_number = 0
         self.observers: list[Observer] = []
+        self.recorder: Recorder | None = None
         self._verdicts = _Verdicts(properties)
         self._sources: list[Source] = [s for s in (plant, self.counters) if s is not None]
         every: list[Source] = [*self._sources, self._verdicts]
@@ -143,6 +181,8 @@ class Cycle:
     def lap(self) -> None:
         """Execute the lap at `t_ns`, then let `t_ns` be the next release."""
         t_ns = self.t_ns
+        if self.recorder is not None:
+            self.recorder.before_lap()
         if self.plant is not None:
             self.plant.before_scan(t_ns)
         if self.exchange.waiting:
@@ -156,6 +196,8 @@ class Cycle:
         self.counters.laps += 1
         self.scan_number += 1
         self.now_ns = self.t_ns = self.resource.first_release_ns(t_ns + 1)
+        if self.recorder is not None:
+            self.recorder.after_lap()
 
     def _show(self, t_ns: int) -> None:
         """Make the frame of this lap; the monitors judge it first, their verdicts join it."""
@@ -186,6 +228,38 @@ class Cycle:
         self._last[n] = now
         return [(base + i, new) for i, new in enumerate(now)
                 if i >= len(before) or before[i] != new]
+
+    # ------------------------------------------------------------ checkpoints
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the whole state, but for the writes of clients that wait."""
+        memory = self.resource.memory
+        shown = (memory.shown, tuple(tuple(v) for v in self._last)) if self._started else None
+        return Checkpoint(
+            (self.t_ns, self.now_ns, self.scan_number), shown, self.counters.numbers(),
+            self.resource.checkpoint(), self.exchange.checkpoint(),
+            self.plant.checkpoint() if self.plant is not None else None, self.suite.copy())
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up a checkpoint of an equal cycle; writes that wait are forgotten."""
+        self.t_ns, self.now_ns, self.scan_number = point.place
+        self.resource.return_to(point.resource)
+        self.exchange.return_to(point.exchange)
+        if self.plant is not None and point.plant is not None:
+            self.plant.return_to(point.plant)
+        for name, number in point.counters.items():
+            setattr(self.counters, name, number)
+        self.suite = self._verdicts.suite = point.suite.copy()
+        self.tell_all()
+        if point.shown is not None:
+            self._started = True
+            self.resource.memory.shown = point.shown[0]
+            self._last = [list(values) for values in point.shown[1]]
+
+    def tell_all(self) -> None:
+        """Let the next frame hold every tag, as the first one does."""
+        self._started = False
+        self._last = [() for _ in self._last]
 
     # ------------------------------------------------------------ jumping
 

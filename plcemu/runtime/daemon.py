@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 import signal
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import Any
 from plcemu.engine.resource import State
 from plcemu.modbus import ModbusTcpServer
 from plcemu.runtime.clock import RealClock
+from plcemu.runtime.realtime import real_time
 from plcemu.runtime.system import System
 
 _LOG = logging.getLogger("plcemu.run")
@@ -37,6 +37,7 @@ class Daemon:
         self._until_ns = until_ns
         self._stop = asyncio.Event()
         self._cycling: asyncio.Task[None] | None = None
+        self._clock: RealClock | None = None
         self._teller = _Teller(system)
 
     def stop(self, why: str) -> None:
@@ -60,11 +61,10 @@ class Daemon:
         if system.not_judged:
             _LOG.info("not judged without the plant: %s", ", ".join(system.not_judged))
         self._catch_signals()
-        # What lives from here on lives to the end: keep it out of the collector's way.
-        gc.collect()
-        gc.freeze()
+        settings = system.config.realtime
         try:
-            with RealClock(system.config.speed) as clock:
+            with real_time(settings), RealClock(system.config.speed, settings.spin) as clock:
+                self._clock = clock
                 self._cycling = asyncio.ensure_future(
                     system.cycle.run(clock, self._stop, self._until_ns, self._after_lap(on_lap)))
                 await self._cycling
@@ -77,11 +77,18 @@ class Daemon:
     def _after_lap(self, on_lap: Callable[[], None] | None) -> Callable[[], None]:
         def after_lap() -> None:
             if self.server is not None:
-                self.server.new_scan()
+                self.server.new_scan(self._serve_until_s())
             self._teller.tell()
             if on_lap is not None:
                 on_lap()
         return after_lap
+
+    def _serve_until_s(self) -> float | None:
+        """Return until when requests are served: a while before the next release."""
+        if self._clock is None:
+            return None
+        return (self._clock.wall_ns(self.system.cycle.t_ns)
+                - self.system.config.realtime.reserve) / 1e9
 
     def _catch_signals(self) -> None:
         loop = asyncio.get_running_loop()
@@ -93,7 +100,6 @@ class Daemon:
 
     async def _shut_down(self) -> None:
         """Publish safe outputs while clients can still read them, then close the server."""
-        gc.unfreeze()
         if self.system.resource.state is State.RUN:
             self.system.resource.stop()
         self.system.exchange.update_outputs()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from hil.coupling import Checkpoint as CouplingCheckpoint
 from hil.coupling import Coupling
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
@@ -14,6 +16,17 @@ from plcemu.io.mapping import Point
 _LOG = logging.getLogger("plcemu.plant")
 
 _TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
+
+
+class Checkpoint(NamedTuple):
+    """The state of a plant in the process, as the attributes of `LocalPlant`."""
+
+    coupling: CouplingCheckpoint
+    stepped_aside: bool
+    written: tuple[int | None, ...]
+    values: tuple[Value, ...]
+    event_ns: int | None
+    pending: tuple[tuple[str, int, bytes, bytes | None], ...]
 
 
 class LocalPlant:
@@ -77,6 +90,19 @@ class LocalPlant:
             return
         if self.coupling.take_outputs(self._published(self.coupling.outputs)):
             self._refresh()
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the whole state, the writes that wait for the next scan with it."""
+        return Checkpoint(self.coupling.checkpoint(), self.stepped_aside, tuple(self._written),
+                          tuple(self._values), self._event_ns, self._port.pending)
+
+    def return_to(self, point: Checkpoint) -> None:
+        """Take up the state of a checkpoint, after the exchange has returned to its own."""
+        self.coupling.return_to(point.coupling)
+        self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
+        self._written, self._values = list(point.written), list(point.values)
+        for write in point.pending:
+            self._port.write(*write)
 
     def _published(self, points: Sequence[Point]) -> list[int]:
         return [p.from_image(self._exchange.published(*p.image_place())) for p in points]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeAlias
 
 from plcemu.base.errors import UnknownNameError
 from plcemu.base.tags import TagTable
@@ -17,20 +17,23 @@ from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
+from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 
 
 def compile(source: str | Path | Iterable[str | Path], *,
-            final_scan: bool = False) -> Program:
+            final_scan: bool = False, single_firing: bool = False) -> Program:
     """Compile a program text, a file or several files.
 
     Args:
         source: what to compile.
         final_scan: whether the actions of charts run once more in the scan in which they end.
+        single_firing: whether Signal Interpreted Petri Nets fire once in a scan, instead of until
+            they are stable.
 
     Raises:
         CompileError: with every mistake in `diagnostics`.
     """
-    return compile_program(source, final_scan=final_scan)
+    return compile_program(source, final_scan=final_scan, single_firing=single_firing)
 
 
 def make_exchange(resource: Resource) -> Exchange:
@@ -40,6 +43,10 @@ def make_exchange(resource: Resource) -> Exchange:
     return Exchange(resource.memory.block, extents)
 
 
+PlcState: TypeAlias = "bytes | int | Plc"
+"""A state to compare: a snapshot, the number of a recorded scan, or a PLC as it stands."""
+
+
 class Plc:
     """A PLC at its cold start, `t_ns == 0`, in virtual time.
 
@@ -47,7 +54,9 @@ class Plc:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
         engine: `auto` or `interpreter`.
-        record: keep a `trace`.
+        record: keep a `trace`, and a history to travel in.
+        history: whether to keep a history without a trace, or how many bytes it may take; then
+            the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
         tasks: instead of the program's own.
         safe_outputs: values of outputs while not in RUN; all others are 0 or FALSE.
 
@@ -57,7 +66,7 @@ class Plc:
     """
 
     def __init__(self, program: Program | str | Path, cycle: str | int = "10ms",
-                 engine: str = "auto", *, record: bool = False,
+                 engine: str = "auto", *, record: bool = False, history: bool | int = False,
                  tasks: Sequence[Task] | None = None,
                  safe_outputs: Mapping[str, Value] | None = None) -> None:
         compiled = program if isinstance(program, Program) else compile_program(program)
@@ -69,6 +78,8 @@ class Plc:
         self._trace = Trace(self._cycle.tags) if record else None
         if self._trace is not None:
             self._cycle.observers.append(self._trace)
+        limit = LIMIT_BYTES if history is True or (record and history is False) else history
+        self._history = History(self._cycle, limit) if limit is not False else None
 
     # ------------------------------------------------------------ values
 
@@ -148,17 +159,91 @@ class Plc:
         self._resource.restore(image)
         self._exchange.update_outputs()
 
-    def fork(self) -> Self:
-        """Return an independent PLC in the same state at the same instant."""
+    def fork(self, scan: int | None = None) -> Self:
+        """Return an independent PLC in the same state, or in the one before a recorded scan.
+
+        Raises:
+            HistoryError: the scan is not in the history.
+        """
         compiled, cycle_ns, engine, tasks, safe_outputs = self._arguments
-        twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None, tasks=tasks,
-                          safe_outputs=safe_outputs)
-        twin._resource.become(self._resource)
-        twin._exchange.become(self._exchange)
-        twin._access.repeat(self._access)
-        twin._cycle.t_ns, twin._cycle.now_ns = self._cycle.t_ns, self._cycle.now_ns
-        twin._cycle.scan_number = self._cycle.scan_number
+        limit = self._history.limit_bytes if self._history is not None else False
+        twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None,
+                          history=limit, tasks=tasks, safe_outputs=safe_outputs)
+        if scan is None or scan == self.scan_number:
+            twin._cycle.return_to(self._cycle.checkpoint())
+            twin._access.repeat(self._access)
+        else:
+            self.history.place(twin._cycle, scan)
+        twin._cycle.tell_all()
         return twin
+
+    # ------------------------------------------------------------ time travel
+
+    @property
+    def scan_number(self) -> int:
+        """The number of the next scan, from 0."""
+        return self._cycle.scan_number
+
+    @property
+    def history(self) -> History:
+        """The recorded past; raises `HistoryError` unless the PLC was made to keep one."""
+        if self._history is None:
+            raise HistoryError("nothing is recorded; make the PLC with record=True or history=True")
+        return self._history
+
+    def rewind(self, scan: int | None = None, *, t_ns: int | None = None) -> None:
+        """Return to where the PLC stood before a scan, or before the first one from an instant on.
+
+        Memory, image, forces and state are as the scan found them; writes that waited for it are
+        not repeated. The trace is cut there. The scans from there on can be replayed until others
+        take their place.
+
+        Raises:
+            HistoryError: it is not in the history.
+            TypeError: neither or both are given.
+        """
+        if (scan is None) is (t_ns is None):
+            raise TypeError("rewind takes a scan number or t_ns=…, one of the two")
+        history = self.history
+        target = history.scan_at(t_ns) if t_ns is not None else scan
+        assert target is not None
+        history.rewind(target)
+        if self._trace is not None:
+            self._trace.cut(target)
+
+    def replay(self, until_scan: int | None = None) -> None:
+        """Execute the recorded scans again, with their writes, forces and commands.
+
+        Args:
+            until_scan: the scan before which to stop; by default the end of the record.
+
+        Raises:
+            HistoryError: the scan is not recorded, or the PLC was changed since the rewind.
+        """
+        self.history.replay(until_scan)
+
+    def diff(self, old: PlcState, new: PlcState | None = None) -> list[Difference]:
+        """Return the tags of the program that differ between two states, in order of the table.
+
+        A state is a snapshot, the number of a recorded scan, or a PLC of the same program.
+
+        Args:
+            old: the one state.
+            new: the other; by default this PLC as it stands.
+
+        Raises:
+            HistoryError: a scan is not in the history.
+            ValueError: a snapshot of another program.
+        """
+        return differences(self._resource.memory, self._state_of(old),
+                           self._state_of(self if new is None else new))
+
+    def _state_of(self, state: PlcState) -> bytes:
+        if isinstance(state, Plc):
+            return state.snapshot()
+        if isinstance(state, int):
+            return self.fork(state).snapshot()
+        return state
 
     @property
     def trace(self) -> Trace:

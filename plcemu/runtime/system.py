@@ -50,7 +50,8 @@ class System:
 
     def __init__(self, config: Config, with_plant: bool = True) -> None:
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
         self.warnings = list(program.warnings)
         self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)

@@ -146,9 +146,39 @@ SFC_CASES = [
      "TRANSITION FROM A TO C := y; END_TRANSITION\n"
      "TRANSITION FROM (B, C) TO A := y; END_TRANSITION", ["6:1: P0057"]),
 ]
+P = "INITIAL_PLACE A: x := 0; END_PLACE PLACE B: x := 1; END_PLACE\n"
+T = ("TRANSITION e FROM A TO B := y; END_TRANSITION "
+     "TRANSITION f FROM B TO A := NOT y; END_TRANSITION\n")
+SIPN_CASES = [
+    (P + T, []),
+    (P + T.replace("TO B", "TO C"), ["4:24: P0110"]),
+    (P.replace("INITIAL_PLACE", "PLACE") + T, ["3:7: P0111"]),
+    (P + "PLACE C: END_PLACE PLACE G: x := 1; END_PLACE\n" + T, ["4:7: P0112", "4:26: P0112"]),
+    (P + "PLACE C: END_PLACE " + T + "TRANSITION w FROM (A, B) TO C := y; END_TRANSITION",
+     ["4:7: P0112", "5:12: P0113"]),
+    (P + T + "TRANSITION w FROM A TO B := y; END_TRANSITION", ["5:12: P0114"]),
+    (P + T + "TRANSITION w FROM A TO B := NOT y; END_TRANSITION", []),
+    (P + T + "TRANSITION w FROM A TO B := i > 5; END_TRANSITION", ["5:12: P0114"]),
+    (P + T[:46], ["4:12: P0115"]), (P, ["3:15: P0115", "3:42: P0112"]),
+    (P.replace("x := 1;", "") + T, ["3:42: P0116"]),
+    (P + "INITIAL_PLACE C: x := 1; END_PLACE\n" + T, ["4:18: P0117"]),
+    (P + T.replace("NOT y", "NOT y AND eoc OR A OR x"), ["4:85: P0118", "4:92: P0118"]),
+    (P.replace("x := 1", "z := 1; i := 0"), ["3:45: P0020", "3:53: P0023"]),
+    (P.replace("x := 1", "x := 2; x := i") + T, ["3:50: P0010"]),
+    (P.replace("x := 1", "x := 1; x := 0") + T, ["3:53: P0021"]),
+    (P + T + "PLACE a: END_PLACE PLACE i: END_PLACE\nTRANSITION e FROM A TO B := y; "
+     "END_TRANSITION", ["5:7: P0021", "5:26: P0021", "6:12: P0021"]),
+    (P + T.replace(":= y", ":= i") + "PLACE eoc: END_PLACE", ["4:29: P0023", "5:7: P0021"]),
+    (P.replace(": x := 0; END_PLACE", " x := 0; END_PLACE") + T.replace("FROM A", "A", 1),
+     ["3:17: P0010", "4:14: P0010"]),
+    (P.replace("END_PLACE PLACE", "PLACE") + T.replace("y;", "y", 1),
+     ["3:32: P0010", "4:31: P0010"]),
+    (P.replace("END_PLACE", "ENDPLACE") + T, ["3:26: P0010", "3:52: P0010"]),
+    (P + T.replace(" END_TRANSITION", "", 1), ["4:32: P0011"]),
+]
 
 
-@pytest.mark.parametrize(("text", "expected"), ST_CASES + IL_CASES + SFC_CASES)
+@pytest.mark.parametrize(("text", "expected"), ST_CASES + IL_CASES + SFC_CASES + SIPN_CASES)
 def test_a_mistake_in_a_body_gives_exactly_its_diagnostics(text, expected):
     unused = {"P0070"}
     assert [f for f in findings(body(IL, text)) if f[-5:] not in unused] == expected

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from plcemu.modbus import ModbusTcpServer
+from plcemu.modbus.server import LEAST_REQUESTS
 
 Serve = Callable[..., Any]
 
@@ -178,3 +179,95 @@ def test_a_connection_that_waits_for_the_budget_is_not_idle(
         waiting.lose()
         idle.lose()
     serve(scenario, budget=1, idle_timeout_s=0.01)
+
+
+class HandClock:
+    """A clock that a test sets, or that moves by itself with every look."""
+
+    def __init__(self, step_s: float = 0.0) -> None:
+        self.now_s, self._step_s = 0.0, step_s
+
+    def __call__(self) -> float:
+        self.now_s += self._step_s
+        return self.now_s
+
+
+def test_near_the_next_release_requests_wait_for_the_scan_and_then_go_on(
+        serve: Serve, fake_connection: Any) -> None:
+    clock = HandClock()
+
+    async def scenario(server: ModbusTcpServer) -> list[int]:
+        peer, answered = fake_connection(server), []
+        server.new_scan(until_s=1.0)
+        peer.receive_requests(*range(60))
+        answered.append(len(peer.transport.transactions))
+        clock.now_s = 1.0
+        await turns(5)
+        answered.append(len(peer.transport.transactions))
+        server.new_scan(until_s=2.0)
+        await turns(5)
+        answered.append(len(peer.transport.transactions))
+        peer.lose()
+        return answered
+    assert serve(scenario, clock=clock, requests_per_turn=16) == [16, 16, 60]
+
+
+@pytest.mark.parametrize("peers_count", [1, 64])
+def test_floods_are_served_for_the_time_between_two_scans_and_no_longer(
+        serve: Serve, fake_connection: Any, peers_count: int) -> None:
+    cost_s, until_s = 0.001, 0.1  # every look at the clock takes 1 ms, and each request looks
+
+    async def scenario(server: ModbusTcpServer) -> tuple[bool, float, int]:
+        peers = [fake_connection(server) for _ in range(peers_count)]
+        server.new_scan(until_s=until_s)
+        for peer in peers:
+            peer.receive_requests(*range(3000))
+        await turns(50)
+        served, overtime_s = server.counters["requests"], clock.now_s - until_s
+        for peer in peers:
+            peer.lose()
+        return all(p.transport.is_paused for p in peers), overtime_s, served
+    clock = HandClock(cost_s)
+    paused, overtime_s, served = serve(scenario, clock=clock)
+    looks_after_the_end = 2 * peers_count + 50
+    assert paused
+    assert 0 < overtime_s <= looks_after_the_end * cost_s
+    assert 50 <= served <= until_s / cost_s + 8
+
+
+def test_a_plc_without_time_to_spare_still_serves_a_few_requests_a_scan(
+        serve: Serve, fake_connection: Any) -> None:
+    async def scenario(server: ModbusTcpServer) -> list[int]:
+        server.new_scan(until_s=0.0)
+        peer, answered = fake_connection(server), []
+        peer.receive_requests(*range(20))
+        for _ in range(3):
+            await turns(3)
+            answered.append(len(peer.transport.transactions))
+            server.new_scan(until_s=0.0)
+        peer.lose()
+        return answered
+    assert serve(scenario, clock=HandClock(), requests_per_turn=32) == [
+        LEAST_REQUESTS, 2 * LEAST_REQUESTS, 20]
+
+
+def test_while_nothing_may_be_served_the_loop_is_not_kept_busy(
+        serve: Serve, fake_connection: Any) -> None:
+    async def scenario(server: ModbusTcpServer) -> int:
+        server.new_scan(until_s=0.0)
+        peer = fake_connection(server)
+        peer.receive_requests(*range(20))
+        await turns(2)
+        before = clock.looks
+        await turns(100)
+        peer.lose()
+        return clock.looks - before
+
+    class Counting(HandClock):
+        looks = 0
+
+        def __call__(self) -> float:
+            self.looks += 1
+            return super().__call__()
+    clock = Counting()
+    assert serve(scenario, clock=clock) == 0
