@@ -20,6 +20,7 @@ from math import gcd, lcm
 from typing import NamedTuple
 
 from plant_sim.batch_plant.abstraction import NAMES
+from plant_sim.batch_plant.loads import CONTENTS
 from plant_sim.batch_plant.parameters import BatchParameters
 from plant_sim.batch_plant.processes import PROCESSES
 
@@ -34,7 +35,8 @@ class State(NamedTuple):
     """An instant right after processes have ended.
 
     Attributes:
-        contents: number of the contents of all tanks (in transition: those before).
+        contents: number of the contents of all tanks (in transition: those before); digits of the
+            places of the words in `CONTENTS`, B7 first.
         running: what is under way.
         startable: the processes, by number, that may start now.
     """
@@ -79,9 +81,7 @@ class Protocol:
         durations = [row.duration_s(parameters) for row in self._rows]
         self.unit_s = _common(durations)
         self.units = [int(d / self.unit_s) for d in durations]
-        self._contents: list[tuple[str, ...]] = []
-        self._number: dict[tuple[str, ...], int] = {}
-        self._start = self._numbered(tuple(tanks.get(tank, "empty") for tank in NAMES))
+        self._start = _number_of({tank: tanks.get(tank, "empty") for tank in NAMES})
         self._sets: dict[tuple[int, ...], list[tuple[Running, tuple[str, ...], int]]] = {}
         self._ends: dict[tuple[int, tuple[int, ...], tuple[int, ...]],
                          tuple[int, tuple[int, ...]]] = {}
@@ -107,11 +107,15 @@ class Protocol:
 
     def tanks(self, state: State) -> dict[str, str]:
         """The contents by tank; in transition those before."""
-        return dict(zip(NAMES, self._contents[state.contents], strict=True))
+        return _contents(state.contents)
 
     def under_way(self, state: State) -> dict[str, int]:
         """The processes under way, each with the units of time it still takes."""
         return {self._rows[n].name: left for n, left in state.running}
+
+    def able(self, state: State) -> list[str]:
+        """The processes that may start, by name."""
+        return [self._rows[n].name for n in state.startable]
 
     def _choices(self, startable: tuple[int, ...]) -> list[tuple[Running, tuple[str, ...], int]]:
         """The sets of processes that may start together, their names, the batches they count."""
@@ -130,7 +134,7 @@ class Protocol:
                    free: Iterable[str]) -> tuple[int, ...]:
         """The processes that may start if these tanks have just become free."""
         busy = {tank for n in running for tank in self._rows[n].changes}
-        tanks = dict(zip(NAMES, self._contents[contents], strict=True))
+        tanks = _contents(contents)
         fresh = set(free) if self.eager else set(NAMES)
         return tuple(n for n, row in enumerate(self._rows)
                      if busy.isdisjoint(row.changes) and not fresh.isdisjoint(row.changes)
@@ -141,19 +145,28 @@ class Protocol:
         """Contents after processes have ended while others are left, and what may start then."""
         key = (contents, ended, left)
         if key not in self._ends:
-            tanks = dict(zip(NAMES, self._contents[contents], strict=True))
+            tanks = _contents(contents)
             changes = [item for n in ended for item in self._rows[n].changes.items()]
             for tank, change in changes:
                 tanks[tank] = change[tanks[tank]]
-            number = self._numbered(tuple(tanks.values()))
+            number = _number_of(tanks)
             self._ends[key] = number, self._startable(number, left, [tank for tank, _ in changes])
         return self._ends[key]
 
-    def _numbered(self, contents: tuple[str, ...]) -> int:
-        number = self._number.setdefault(contents, len(self._contents))
-        if number == len(self._contents):
-            self._contents.append(contents)
-        return number
+
+def _number_of(tanks: Mapping[str, str]) -> int:
+    number = 0
+    for tank in reversed(NAMES):
+        number = number * len(CONTENTS[tank]) + CONTENTS[tank].index(tanks[tank])
+    return number
+
+
+def _contents(number: int) -> dict[str, str]:
+    tanks = {}
+    for tank in NAMES:
+        number, place = divmod(number, len(CONTENTS[tank]))
+        tanks[tank] = CONTENTS[tank][place]
+    return tanks
 
 
 def _common(durations: Sequence[Fraction]) -> Fraction:

@@ -131,10 +131,14 @@ class ClosedLoop:
     def initial(self) -> Iterator[State]:
         """The plant's initial states, each after the program's first scan or first rest."""
         for plant in self.plant.initial():
-            state = self._last(self.first_scans(plant))
+            state = self.settled_from(plant)
             self.origins.setdefault(state, plant)
             self._starts[plant] = state
             yield state
+
+    def settled_from(self, plant: Hashable) -> State:
+        """The state after a cold start of the program at a plant in that state."""
+        return self._last(self.first_scans(plant))
 
     def starts(self, number: Mapping[State, int]) -> Iterator[tuple[Hashable, int]]:
         """The plant's initial states, each with the number of the loop's initial state."""

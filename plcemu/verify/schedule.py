@@ -237,13 +237,10 @@ def way_into(graph: TimedGraph[S], certificate: Certificate[S]) -> list[Taken[S]
                 queue.append(reached)
     lost = _along(certificate)
     goal = min(on_cycle & distance.keys(), key=lambda n: (distance[n] - lost[graph.states[n]], n))
-    edges = []
-    while goal not in graph.initial or edges and goal in came and len(edges) < len(came):
-        source, edge = came[goal]
-        edges.append((source, edge))
-        goal = source
-        if goal in graph.initial:
-            break
+    edges: list[tuple[int, int]] = []
+    while goal in came:
+        edges.append(came[goal])
+        goal = edges[-1][0]
     return graph.taken(edges[::-1])
 
 

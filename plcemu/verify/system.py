@@ -47,6 +47,10 @@ class Move(Protocol[_Out]):
     """What may happen in a state of a timed system: how long it takes, and what it leads to."""
 
     @property
+    def starts(self) -> tuple[str, ...]:
+        """What starts at its beginning, by name."""
+
+    @property
     def units(self) -> int:
         """How long it takes, in whole units of time; at least 1."""
 
