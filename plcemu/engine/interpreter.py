@@ -5,20 +5,27 @@ It is the oracle that every faster engine is compared with.
 
 from __future__ import annotations
 
+import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from plcemu.base.collector import paused_collector
 from plcemu.base.errors import ProgramFault
+from plcemu.engine.clocks import advance_clocks, clocks_run
 from plcemu.ir.builtins import BUILTINS
-from plcemu.ir.ops import STRUCT_CODES, VALUE_OPS, Fault, wrap
-from plcemu.ir.program import Function, Instr, Program
+from plcemu.ir.ops import FLOATS, STRUCT_CODES, VALUE_OPS, Fault, distance, overrun, wrap
+from plcemu.ir.program import Block, Function, Instr, Program
 
 BUDGET = 1_000_000
 """Instructions that jumps backwards may cost in one run; a program that needs more has run away."""
 
+OUTSIDE = "an address outside memory"
+"""The reason of a fault that only a damaged memory can bring about."""
+
 _END = -1
+
+_OUTSIDE_ERRORS = (struct.error, IndexError, BufferError)
 
 _STRUCTS = {machine: struct.Struct("<" + code) for machine, code in STRUCT_CODES.items()}
 
@@ -38,11 +45,11 @@ class Interpreter:
     name = "interpreter"
 
     @paused_collector()
-    def __init__(self, program: Program, block: bytearray, budget: int = BUDGET) -> None:
-        self._program = program
-        self._block = block
-        self._budget = budget
-        self._left = budget
+    def __init__(self, program: Program, block: Block, budget: int = BUDGET) -> None:
+        self.block = block
+        self._view = memoryview(block)  # while it lives, nothing can change the block's length
+        self._clocks = program.layout.clocks
+        self._default = self._budget = self._left = budget
         self._code = {function.name: (function, self._steps(function), _zeros(function))
                       for function in program.functions.values()}
 
@@ -52,8 +59,26 @@ class Interpreter:
         Raises:
             ProgramFault: it did something undefined, or used up its budget.
         """
-        self._left = self._budget
-        self._run(function, base, [])
+        self.run_all([(function, base)], self._default)
+
+    def run_all(self, runs: Sequence[tuple[str, int]], budget: int) -> None:
+        """Run functions on their instances, one after another, on one budget."""
+        self._left = self._budget = budget
+        for function, base in runs:
+            self._run(function, base, [])
+
+    def prepare(self, runs: Sequence[tuple[str, int]],
+                budget: int | None = None) -> InterpretedCode:
+        """Make functions, each on the instance at its address, ready to run."""
+        return InterpretedCode(self, runs, self._default if budget is None else budget)
+
+    def advance_clocks(self, elapsed_ns: int) -> None:
+        """Let time pass: add it to every running clock cell, up to the cell's limit."""
+        advance_clocks(self.block, self._clocks, elapsed_ns)
+
+    def clocks_run(self) -> bool:
+        """Whether a clock cell runs that the program reads."""
+        return clocks_run(self.block, self._clocks)
 
     def _run(self, name: str, this: int, stack: list[Any]) -> None:
         function, steps, zeros = self._code[name]
@@ -64,11 +89,9 @@ class Interpreter:
                 before = pc
                 pc = steps[pc](stack, local, this)
         except Fault as fault:
-            self._stop(str(fault), function, before)
-
-    def _stop(self, reason: str, function: Function, pc: int) -> NoReturn:
-        span = next((i.span for i in reversed(function.code[:pc + 1]) if i.span), None)
-        raise ProgramFault(reason, pou=function.pou, place=str(span or "")) from None
+            _stop(str(fault), function, before)
+        except _OUTSIDE_ERRORS:
+            _stop(OUTSIDE, function, before)
 
     def _steps(self, function: Function) -> list[Step]:
         labels = {i.arg: n for n, i in enumerate(function.code) if i.op == "label"}
@@ -94,8 +117,12 @@ class Interpreter:
 
     def _load(self, arg: tuple[str, str, int], following: int) -> Step:
         machine, base, offset = arg
-        block, unpack = self._block, _STRUCTS[machine].unpack_from
+        block, unpack = self.block, _STRUCTS[machine].unpack_from
         relative = base == "this"
+
+        def real(stack: list[Any], local: list[Any], this: int) -> int:
+            stack.append(_plain(unpack(block, this + offset if relative else offset)[0]))
+            return following
 
         def byte(stack: list[Any], local: list[Any], this: int) -> int:
             stack.append(block[this + offset])
@@ -110,11 +137,11 @@ class Interpreter:
             return following
         if machine in ("bool", "u8"):
             return byte if relative else byte_absolute
-        return wide
+        return real if machine in FLOATS else wide
 
     def _store(self, arg: tuple[str, str, int], following: int) -> Step:
         machine, base, offset = arg
-        block, pack = self._block, _STRUCTS[machine].pack_into
+        block, pack = self.block, _STRUCTS[machine].pack_into
         relative = base == "this"
 
         def byte(stack: list[Any], local: list[Any], this: int) -> int:
@@ -142,16 +169,20 @@ class Interpreter:
 
     def _loadat(self, arg: tuple[str, int], following: int) -> Step:
         machine, offset = arg
-        block, unpack = self._block, _STRUCTS[machine].unpack_from
+        block, unpack = self.block, _STRUCTS[machine].unpack_from
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             stack[-1] = unpack(block, stack[-1] + offset)[0]
             return following
-        return step
+
+        def real(stack: list[Any], local: list[Any], this: int) -> int:
+            stack[-1] = _plain(unpack(block, stack[-1] + offset)[0])
+            return following
+        return real if machine in FLOATS else step
 
     def _storeat(self, arg: tuple[str, int], following: int) -> Step:
         machine, offset = arg
-        block, pack = self._block, _STRUCTS[machine].pack_into
+        block, pack = self.block, _STRUCTS[machine].pack_into
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             value = stack.pop()
@@ -160,11 +191,13 @@ class Interpreter:
         return step
 
     def _copy(self, arg: int, following: int) -> Step:
-        block = self._block
+        block = self.block
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
             source = stack.pop()
             target = stack.pop()
+            if max(source, target) + arg > len(block):
+                raise Fault(OUTSIDE)
             block[target:target + arg] = block[source:source + arg]
             return following
         return step
@@ -173,10 +206,7 @@ class Interpreter:
         low, count, size = arg
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
-            place = stack[-1] - low
-            if not 0 <= place < count:
-                raise Fault(f"index {stack[-1]} is outside {low}..{low + count - 1}")
-            stack[-1] = place * size
+            stack[-1] = distance(stack[-1], low, count, size)
             return following
         return step
 
@@ -189,7 +219,7 @@ class Interpreter:
         return step
 
     def _builtin(self, arg: str, following: int) -> Step:
-        row, block = BUILTINS[arg], self._block
+        row, block = BUILTINS[arg], self.block
         count = len(row.pops)
 
         def step(stack: list[Any], local: list[Any], this: int) -> int:
@@ -262,12 +292,43 @@ class Interpreter:
     def _spend(self, cost: int) -> None:
         self._left -= cost
         if self._left < 0:
-            raise Fault(f"the scan does not end: jumps backwards cost over {self._budget} "
-                        "instructions")
+            overrun(self._budget)
+
+
+class InterpretedCode:
+    """Functions on their instances, ready to run; see `plcemu.engine.engines.Code`."""
+
+    def __init__(self, engine: Interpreter, runs: Sequence[tuple[str, int]], budget: int) -> None:
+        self.budget = budget
+        self.completed = 0
+        self._engine = engine
+        self._runs = list(runs)
+
+    def run(self) -> None:
+        """Run it once; raises `ProgramFault`."""
+        self.repeat(1, 0)
+
+    def repeat(self, count: int, elapsed_ns: int) -> None:
+        """So many times: let time pass for the clock cells, then run; raises `ProgramFault`."""
+        self.completed = 0
+        for _ in range(count):
+            if elapsed_ns:
+                self._engine.advance_clocks(elapsed_ns)
+            self._engine.run_all(self._runs, self.budget)
+            self.completed += 1
+
+
+def _stop(reason: str, function: Function, pc: int) -> NoReturn:
+    raise ProgramFault(reason, pou=function.pou, place=function.place(pc)) from None
+
+
+def _plain(value: float) -> float:
+    """Return a float as it is, what is not a number as the one NaN that the machine knows."""
+    return value if value == value else math.nan
 
 
 def _zeros(function: Function) -> list[Any]:
-    return [0.0 if machine in ("f32", "f64") else 0 for machine in function.locals]
+    return [0.0 if machine in FLOATS else 0 for machine in function.locals]
 
 
 def _value_step(op: str, following: int) -> Step:

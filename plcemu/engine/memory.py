@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Sequence
-
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
 from plcemu.base.types import ElementaryType, StringType, Value, type_of
-from plcemu.ir.program import ClockCell, Layout
-
-_CLOCK = struct.Struct("<qq")
+from plcemu.ir.program import Block, Layout
 
 
 class Memory:
     """One flat block of bytes; snapshot, restore and compare are operations on it.
+
+    Args:
+        layout: what stands where.
+        block: an engine's memory.
 
     Attributes:
         block: the bytes, little-endian. It is never replaced, so views of it stay valid.
         tags: the tags that stand in it.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, block: Block) -> None:
         self.layout = layout
-        self.block = bytearray(layout.initial)
+        self.block = block
         self.tags = TagTable(slot.tag for slot in layout.slots)
         self._slots: list[tuple[int, ElementaryType | StringType]] = [
             (slot.offset, type_of(slot.tag.type)) for slot in layout.slots]
@@ -92,23 +91,6 @@ class Memory:
     @shown.setter
     def shown(self, block: bytes) -> None:
         self._shown = block
-
-    def advance_clocks(self, elapsed_ns: int) -> None:
-        """Let time pass: add it to every running clock cell, up to the cell's limit."""
-        for clock in self.layout.clocks:
-            elapsed, limit = _CLOCK.unpack_from(self.block, clock.offset)
-            if elapsed < limit:
-                _CLOCK.pack_into(self.block, clock.offset, min(elapsed + elapsed_ns, limit), limit)
-
-    def running_clocks(self) -> Sequence[ClockCell]:
-        """Return the clock cells that run and that the program reads."""
-        running = []
-        for clock in self.layout.clocks:
-            if clock.observed:
-                elapsed, limit = _CLOCK.unpack_from(self.block, clock.offset)
-                if elapsed < limit:
-                    running.append(clock)
-        return running
 
 
 def differing_bytes(before: bytes, after: bytes) -> list[int]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.types import Value
-from plcemu.engine.interpreter import BUDGET, Interpreter
+from plcemu.engine.engines import Code, make_engine
+from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.memory import Memory
 from plcemu.ir.program import Program, Task
 
@@ -24,19 +25,6 @@ class State(enum.Enum):
     RUN = "RUN"
     STOP = "STOP"
     FAULT = "FAULT"
-
-
-class Engine(Protocol):
-    """What runs a program's functions on its memory block."""
-
-    name: str
-
-    def run(self, function: str, base: int) -> None:
-        """Run a function on the instance at an address; raises `ProgramFault`."""
-
-
-ENGINES = ("auto", "interpreter")
-"""The engines to choose from; `auto` is the fastest that this platform has."""
 
 
 class Checkpoint(NamedTuple):
@@ -65,7 +53,7 @@ class _TaskState:
 
     task: Task
     interval_ns: int
-    runs: list[tuple[str, int]]
+    code: Code
     looks_for_event: bool = False
     quiet: bool = False
 
@@ -76,7 +64,7 @@ class Resource:
     Args:
         program: the compiled program.
         cycle_ns: the interval of tasks that name none.
-        engine: one of `ENGINES`.
+        engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
         budget: instructions that jumps backwards may cost in one run of a task.
@@ -89,11 +77,9 @@ class Resource:
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
                  tasks: Sequence[Task] | None = None,
                  safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
-        if engine not in ENGINES:
-            raise PlcemuError(f"there is no engine {engine!r}; choose one of {', '.join(ENGINES)}")
         self.program = program
-        self.memory = Memory(program.layout)
-        self.engine: Engine = Interpreter(program, self.memory.block, budget)
+        self.engine = make_engine(engine, program, budget)
+        self.memory = Memory(program.layout, self.engine.block)
         self.state = State.RUN
         self.fault: ProgramFault | None = None
         self._tasks = self._prepare(program, tasks or program.tasks, cycle_ns)
@@ -101,8 +87,7 @@ class Resource:
         self._last_ns: int | None = None
         self._left = bytes(self.memory.block)
 
-    @staticmethod
-    def _prepare(program: Program, tasks: Sequence[Task], cycle_ns: int) -> list[_TaskState]:
+    def _prepare(self, program: Program, tasks: Sequence[Task], cycle_ns: int) -> list[_TaskState]:
         prepared = []
         for task in sorted(tasks, key=lambda t: t.priority):
             interval = task.interval_ns or cycle_ns
@@ -115,11 +100,11 @@ class Resource:
                 known = ", ".join(i.name for i in program.instances)
                 raise PlcemuError(f"task {task.name}: there is no program {missing}; "
                                   f"there is {known}") from None
-            runs = [(i.function, i.base) for i in instances]
+            code = self.engine.prepare([(i.function, i.base) for i in instances])
             if task.event:
-                prepared.append(_TaskState(task, cycle_ns, runs, looks_for_event=True))
+                prepared.append(_TaskState(task, cycle_ns, code, looks_for_event=True))
             if task.interval_ns or not task.event:
-                prepared.append(_TaskState(task, interval, runs))
+                prepared.append(_TaskState(task, interval, code))
         return prepared
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
@@ -193,10 +178,10 @@ class Resource:
         if self.state is not State.RUN:
             self._make_safe()
             return
-        if self.memory.block != self._left or (elapsed and self.memory.running_clocks()):
+        if bytes(self.memory.block) != self._left or (elapsed and self.engine.clocks_run()):
             self._wake()
         if elapsed:
-            self.memory.advance_clocks(elapsed)
+            self.engine.advance_clocks(elapsed)
         for state in self._tasks:
             if not _is_due(state, t_ns):
                 continue
@@ -223,15 +208,14 @@ class Resource:
     def _run(self, state: _TaskState, t_ns: int) -> bool:
         before = bytes(self.memory.block)
         try:
-            for function, base in state.runs:
-                self.engine.run(function, base)
+            state.code.run()
         except ProgramFault as fault:
             self.fault = ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
                                       place=fault.place, t_ns=t_ns)
             self.state = State.FAULT
             self._make_safe()
             return False
-        if self.memory.block != before:
+        if bytes(self.memory.block) != before:
             self._wake()
         else:
             state.quiet = True
@@ -249,8 +233,8 @@ class Resource:
         """
         if self.state is not State.RUN:
             return True
-        return all(state.quiet for state in self._tasks) and self.memory.block == self._left \
-            and not self.memory.running_clocks()
+        return all(state.quiet for state in self._tasks) \
+            and bytes(self.memory.block) == self._left and not self.engine.clocks_run()
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""

@@ -127,7 +127,7 @@ class _Write:
     mask: bytes | None
 
 
-def _merge(target: bytearray, offset: int, data: bytes, mask: bytes | None) -> None:
+def _merge(target: bytearray | memoryview, offset: int, data: bytes, mask: bytes | None) -> None:
     if mask is None:
         target[offset:offset + len(data)] = data
         return
@@ -199,7 +199,7 @@ class Exchange:
         extents: the stretches of the areas that stand in it.
     """
 
-    def __init__(self, memory: bytearray, extents: Sequence[Extent] = ()) -> None:
+    def __init__(self, memory: bytearray | memoryview, extents: Sequence[Extent] = ()) -> None:
         self._memory = memory
         self._extents = tuple(extents)
         self._by_area: dict[str, list[Extent]] = {}

@@ -18,6 +18,7 @@ from typing import Any
 from plcemu.base import dates
 from plcemu.base.time import DurationError, parse_duration_ns
 from plcemu.ir.ops import Fault
+from plcemu.ir.program import Block
 
 STRING_HEAD = 2
 """Bytes of a string's length."""
@@ -44,7 +45,7 @@ class Builtin:
     fn: Callable[..., Any]
 
 
-def read_string(block: bytearray, address: int, kind: str = "s") -> str:
+def read_string(block: Block, address: int, kind: str = "s") -> str:
     """Return the string at an address."""
     (length,) = _LENGTH.unpack_from(block, address)
     start = address + STRING_HEAD
@@ -52,7 +53,7 @@ def read_string(block: bytearray, address: int, kind: str = "s") -> str:
     return "".join(map(chr, array("H", data))) if kind == "w" else data.decode("latin-1")
 
 
-def write_string(block: bytearray, address: int, capacity: int, text: str, kind: str = "s") -> None:
+def write_string(block: Block, address: int, capacity: int, text: str, kind: str = "s") -> None:
     """Put a string at an address, cut to the capacity in characters; the rest becomes zero."""
     encoded = text.encode(_CODECS[kind], "surrogatepass" if kind == "w" else "replace")
     width = _WIDTHS[kind]
@@ -110,7 +111,7 @@ _MAKERS: dict[str, tuple[str, Callable[..., str]]] = {
 
 
 def _maker(name: str, kind: str, shape: str, fn: Callable[..., str]) -> Builtin:
-    def run(block: bytearray, target: int, capacity: int, *operands: int) -> None:
+    def run(block: Block, target: int, capacity: int, *operands: int) -> None:
         values = [read_string(block, o, kind) if s == "t" else o
                   for s, o in zip(shape, operands, strict=True)]
         write_string(block, target, capacity, fn(*values), kind)
@@ -119,7 +120,7 @@ def _maker(name: str, kind: str, shape: str, fn: Callable[..., str]) -> Builtin:
 
 
 def _asker(name: str, kind: str, count: int, fn: Callable[..., int]) -> Builtin:
-    def run(block: bytearray, *addresses: int) -> int:
+    def run(block: Block, *addresses: int) -> int:
         return fn(*(read_string(block, a, kind) for a in addresses))
     return Builtin(f"string.{name}.{kind}", ("u32",) * count, "i64", run)
 
@@ -236,46 +237,46 @@ _READERS: dict[str, tuple[str, Callable[[str], Any]]] = {
 def _to_text(kind: str) -> list[Builtin]:
     """Return the conversions of numbers to strings and back."""
     def maker(pops: str, write: Callable[[Any], str]) -> Callable[..., None]:
-        def run(block: bytearray, target: int, capacity: int, value: Any) -> None:
+        def run(block: Block, target: int, capacity: int, value: Any) -> None:
             write_string(block, target, capacity, write(value), kind)
         return run
 
     made = [Builtin(f"string.{name}.{kind}", ("u32", "i64", m), "", maker(m, write))
             for name, (m, write) in _WRITERS.items()]
     for name, (machine, read) in _READERS.items():
-        def run(block: bytearray, address: int, read: Callable[[str], Any] = read) -> Any:
+        def run(block: Block, address: int, read: Callable[[str], Any] = read) -> Any:
             return read(read_string(block, address, kind))
         made.append(Builtin(f"string.{name}.{kind}", ("u32",), machine, run))
     return made
 
 
 def _recode(source: str, target: str) -> Builtin:
-    def run(block: bytearray, address: int, capacity: int, origin: int) -> None:
+    def run(block: Block, address: int, capacity: int, origin: int) -> None:
         write_string(block, address, capacity, read_string(block, origin, source), target)
     return Builtin(f"string.recode.{source}{target}", ("u32", "i64", "u32"), "", run)
 
 
-def _date_number(block: bytearray, ns: int, part: int) -> int:
+def _date_number(block: Block, ns: int, part: int) -> int:
     """Return a part of a date: 0 year, 1 month, 2 day, 3 weekday (0 Sunday)."""
     date = dates.date_of_ns(ns)
     return (date.year, date.month, date.day, date.isoweekday() % 7)[part]
 
 
-def _date_of(block: bytearray, year: int, month: int, day: int) -> int:
+def _date_of(block: Block, year: int, month: int, day: int) -> int:
     try:
         return dates.date_ns(year, month, day)
     except ValueError as problem:
         raise Fault(str(problem)) from None
 
 
-def _tod_of(block: bytearray, hour: int, minute: int, second: int, millisecond: int) -> int:
+def _tod_of(block: Block, hour: int, minute: int, second: int, millisecond: int) -> int:
     try:
         return dates.tod_ns(hour, minute, second, millisecond * 1_000_000)
     except ValueError as problem:
         raise Fault(f"{problem}.{millisecond:03}") from None
 
 
-def _bcd_to(block: bytearray, bits: int) -> int:
+def _bcd_to(block: Block, bits: int) -> int:
     """Return the number whose decimal digits are the groups of four bits (2.5.1.5.1)."""
     try:
         return int(f"{bits:x}")
@@ -283,7 +284,7 @@ def _bcd_to(block: bytearray, bits: int) -> int:
         raise Fault(f"16#{bits:X} is no BCD number") from None
 
 
-def _bcd_of(block: bytearray, value: int, digits: int) -> int:
+def _bcd_of(block: Block, value: int, digits: int) -> int:
     """Return a number as so many BCD digits."""
     if value >= 10 ** digits:
         raise Fault(f"{value} has more than {digits} BCD digits")

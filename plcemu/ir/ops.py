@@ -5,7 +5,8 @@ function on Python values, which is the reference for every engine. What touches
 the flow of control is in `STRUCTURAL` and is carried out by the engine itself.
 
 Integers wrap to their width. Integer division truncates towards zero. Dividing an integer by zero
-is a fault; REAL and LREAL follow IEEE 754, and what is not a number is always the same bits. A
+is a fault; REAL and LREAL follow IEEE 754, and what is not a number is always the same bits, also
+once it is loaded from memory. A
 REAL becomes an integer by rounding half to even, then wrapping; one that is not finite is a fault.
 """
 
@@ -15,13 +16,14 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NoReturn
 
 Number = int | float
 
-_INTEGERS = {"i8": (8, True), "i16": (16, True), "i32": (32, True), "i64": (64, True),
+INTEGERS = {"i8": (8, True), "i16": (16, True), "i32": (32, True), "i64": (64, True),
              "u8": (8, False), "u16": (16, False), "u32": (32, False), "u64": (64, False)}
-_FLOATS = ("f32", "f64")
-MACHINE_TYPES = ("bool", *_INTEGERS, *_FLOATS)
+FLOATS = ("f32", "f64")
+MACHINE_TYPES = ("bool", *INTEGERS, *FLOATS)
 SIZES = {"bool": 1, "i8": 1, "i16": 2, "i32": 4, "i64": 8, "u8": 1, "u16": 2, "u32": 4, "u64": 8,
          "f32": 4, "f64": 8}
 STRUCT_CODES = {"bool": "B", "i8": "b", "i16": "h", "i32": "i", "i64": "q", "u8": "B", "u16": "H",
@@ -51,7 +53,7 @@ class Op:
 
 def wrap(value: int, machine: str) -> int:
     """Reduce an integer to the width of an integer machine type (two's complement)."""
-    bits, signed = _INTEGERS[machine]
+    bits, signed = INTEGERS[machine]
     value &= (1 << bits) - 1
     return value - (1 << bits) if signed and value >> (bits - 1) else value
 
@@ -136,7 +138,7 @@ def _to_float(value: Number, machine: str) -> float:
 def _conversion(target: str) -> Callable[[Number], Number]:
     if target == "bool":
         return lambda value: value != 0
-    if target in _FLOATS:
+    if target in FLOATS:
         return lambda value: _to_float(value, target)
     return lambda value: _to_integer(value, target)
 
@@ -206,7 +208,7 @@ def _build() -> dict[str, Op]:
     for m in MACHINE_TYPES:
         table += [Op(f"{n}.{m}", (m, m), "bool", fn) for n, fn in _COMPARISONS.items()]
         table += [Op(f"to.{m}.{t}", (m,), t, _conversion(t)) for t in MACHINE_TYPES if t != m]
-    for m, (bits, signed) in _INTEGERS.items():
+    for m, (bits, signed) in INTEGERS.items():
         table += [Op(f"{n}.{m}", (m, m), m, _wrapped(fn, m))
                   for n, fn in _INTEGER_ARITHMETIC.items()]
         table.append(Op(f"neg.{m}", (m,), m, _wrapped(lambda a: -a, m)))
@@ -215,19 +217,31 @@ def _build() -> dict[str, Op]:
             table.append(Op(f"not.{m}", (m,), m, _wrapped(lambda a: ~a, m)))
             table += _shifts(m, bits)
         table.append(Op(f"abs.{m}", (m,), m, _wrapped(abs, m)))
-    for m in _FLOATS:
+    for m in FLOATS:
         table += [Op(f"{n}.{m}", (m, m), m, _rounded(fn, m))
                   for n, fn in _FLOAT_ARITHMETIC.items()]
         table.append(Op(f"neg.{m}", (m,), m, _rounded(lambda a: -a, m)))
         table.append(Op(f"expt.{m}", (m, m), m, _rounded(_power, m)))
         table += [Op(f"{n}.{m}", (m,), m, _rounded(fn, m)) for n, fn in _FLOAT_FUNCTIONS.items()]
-        table += [Op(f"trunc.{m}.{t}", (m,), t, _truncation(t)) for t in _INTEGERS]
+        table += [Op(f"trunc.{m}.{t}", (m,), t, _truncation(t)) for t in INTEGERS]
     table += [Op(f"{n}.bool", ("bool", "bool"), "bool", fn) for n, fn in _BITWISE.items()]
     table.append(Op("not.bool", ("bool",), "bool", lambda a: a ^ 1))
     return {op.name: op for op in table}
 
 
 VALUE_OPS: dict[str, Op] = _build()
+
+def distance(value: int, low: int, count: int, size: int) -> int:
+    """Return how far an element is from its array's start, in bytes: the meaning of `index`."""
+    if not 0 <= value - low < count:
+        raise Fault(f"index {value} is outside {low}..{low + count - 1}")
+    return (value - low) * size
+
+
+def overrun(budget: int) -> NoReturn:
+    """Stop a run whose jumps backwards cost more than it may spend."""
+    raise Fault(f"the scan does not end: jumps backwards cost over {budget} instructions")
+
 
 STRUCTURAL: dict[str, str] = {
     "const": "push a constant; argument: (machine type, value)",
@@ -257,10 +271,10 @@ def is_value(value: object, machine: str) -> bool:
     """Whether a Python value is one of a machine type."""
     if machine == "bool":
         return isinstance(value, bool | int) and value in (0, 1)
-    if machine in _FLOATS:
+    if machine in FLOATS:
         return isinstance(value, float) and (math.isnan(value)
                                              or round_float(value, machine) == value)
-    return isinstance(value, int) and machine in _INTEGERS and wrap(value, machine) == value
+    return isinstance(value, int) and machine in INTEGERS and wrap(value, machine) == value
 
 
 BASES = ("this", "memory")

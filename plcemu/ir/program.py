@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 from plcemu.base.spans import Diagnostic, Span
 from plcemu.base.tags import Tag
 
+Block = bytearray | memoryview
+"""The memory of a running program, as everyone sees it."""
+
 
 class Instr(NamedTuple):
     """One instruction: an operation of `plcemu.ir.ops`, its argument, and where it was written."""
@@ -35,6 +38,10 @@ class Function:
     locals: tuple[str, ...] = ()
     result: str = ""
     pou: str = ""
+
+    def place(self, at: int) -> str:
+        """Return where the instruction of that number was written, as `file:line:column`."""
+        return next((str(i.span) for i in reversed(self.code[:at + 1]) if i.span), "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +159,9 @@ class Task:
     event: Event | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """All that an engine needs to run."""
+    """All that an engine needs to run; two are equal if they are the same one."""
 
     functions: dict[str, Function]
     layout: Layout

@@ -14,7 +14,8 @@ from plant_sim.registry import PlantLoadError, load
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
-from plcemu.engine.resource import ENGINES, Resource
+from plcemu.engine.engines import ENGINES
+from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program, Task

@@ -59,12 +59,12 @@ class ScanMachine:
         for place, raw in zip(self._writes, inputs, strict=True):
             block[place:place + len(raw)] = raw
         if elapsed_ns:
-            self.resource.memory.advance_clocks(elapsed_ns)
+            self.resource.engine.advance_clocks(elapsed_ns)
         run = self.resource.engine.run
         for function, base in self._runs:
             run(function, base)
         self.scans += 1
-        return self.reduced(block)
+        return self.reduced(bytes(block))
 
 
 def _simple_runs(program: Program, resource: Resource) -> list[tuple[str, int]]:

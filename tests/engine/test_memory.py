@@ -1,30 +1,45 @@
-"""The memory block by itself: clock cells."""
+"""Clock cells: how they count, and when they still matter."""
 
 from __future__ import annotations
 
 import struct
 
-from plcemu.engine.memory import Memory
+import pytest
+
+from plcemu.engine.engines import Engine, make_engine
 from plcemu.lang.compile import compile_program
 
-
-def timer_memory(elapsed: int, limit: int) -> tuple[Memory, int]:
-    """Return the memory of a program with one timer, whose clock cell is set so."""
-    program = compile_program("PROGRAM m VAR t : TON; END_VAR t(); END_PROGRAM")
-    memory = Memory(program.layout)
-    (clock,) = program.layout.clocks
-    struct.pack_into("<qq", memory.block, clock.offset, elapsed, limit)
-    return memory, clock.offset
+PROGRAM = compile_program("PROGRAM m VAR t : TON; END_VAR t(); END_PROGRAM")
+(CLOCK,) = PROGRAM.layout.clocks
 
 
-def test_a_running_clock_stops_at_its_limit_so_that_states_recur() -> None:
-    memory, offset = timer_memory(20, 25)
-    memory.advance_clocks(40)
-    assert struct.unpack_from("<qq", memory.block, offset) == (25, 25)
-    assert memory.running_clocks() == []
+@pytest.fixture(params=["interpreter", "wasm"])
+def engine(request: pytest.FixtureRequest) -> Engine:
+    return make_engine(request.param, PROGRAM)
 
 
-def test_a_clock_beyond_its_limit_stands_still() -> None:
-    memory, offset = timer_memory(30, 25)
-    memory.advance_clocks(40)
-    assert struct.unpack_from("<qq", memory.block, offset) == (30, 25)
+def after(engine: Engine, elapsed: int, limit: int, passed: int) -> tuple[int, int]:
+    """Set the timer's clock cell, let time pass, and return the cell."""
+    struct.pack_into("<qq", engine.block, CLOCK.offset, elapsed, limit)
+    engine.advance_clocks(passed)
+    return struct.unpack_from("<qq", engine.block, CLOCK.offset)
+
+
+def test_a_running_clock_stops_at_its_limit_so_that_states_recur(engine: Engine) -> None:
+    assert after(engine, 20, 25, 40) == (25, 25)
+    assert not engine.clocks_run()
+
+
+def test_a_running_clock_counts_what_has_passed(engine: Engine) -> None:
+    assert after(engine, 20, 25, 4) == (24, 25)
+    assert engine.clocks_run()
+
+
+def test_a_clock_beyond_its_limit_stands_still(engine: Engine) -> None:
+    assert after(engine, 30, 25, 40) == (30, 25)
+
+
+@pytest.mark.parametrize("passed", [1, 2**63 - 1, 2**63, 2**64, 2**70])
+def test_no_time_is_too_long_for_a_clock(engine: Engine, passed: int) -> None:
+    assert after(engine, -(2**63), 2**63 - 1, passed) == (min(passed - 2**63, 2**63 - 1), 2**63 - 1)
+    assert after(engine, 2**63 - 2, 2**63 - 1, passed) == (2**63 - 1, 2**63 - 1)

@@ -1,0 +1,194 @@
+"""A program as WebAssembly text: what `plcemu check --dump wat` prints.
+
+The program's memory block is the end of WebAssembly's memory, so that an address beyond it traps
+without a test. Before it stand, in this order, the number of whole runs made, the places of the
+clock cells, and the lists of functions to run.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from plcemu.engine.native import KINDS
+from plcemu.engine.wat_code import FunctionWriter
+from plcemu.engine.wat_ops import Helpers
+from plcemu.ir.program import Program
+
+PAGE = 65536
+"""Bytes of WebAssembly's unit of memory."""
+
+COMPLETED = 0
+"""Address of the number of whole runs made (i64)."""
+
+CLOCKS = 64
+"""Address of the clock cells' addresses (u32), those that the program reads first."""
+
+RUN_ROOM = 8 * 4096
+"""Bytes for the lists of functions to run: each a number in the table and an address (u32)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Translated:
+    """A program's WebAssembly text and what one must know to use it.
+
+    Attributes:
+        text: the module.
+        origin: address of the memory block.
+        runs: address of the room for lists of functions to run.
+        numbers: each function's number in the table.
+        hosts: imported functions by name: machine types taken, the site last, and given.
+        sites: the instruction of each site, as function and number in its code.
+    """
+
+    text: str
+    origin: int
+    runs: int
+    numbers: dict[str, int]
+    hosts: dict[str, tuple[tuple[str, ...], str]]
+    sites: list[tuple[str, int]]
+
+
+def translate_program(program: Program) -> Translated:
+    """Return a program as WebAssembly text."""
+    layout, functions = program.layout, program.functions
+    runs = CLOCKS + -(-4 * len(layout.clocks) // 8) * 8
+    pages = -(-(runs + RUN_ROOM + layout.size) // PAGE)
+    origin = pages * PAGE - layout.size
+    names, helpers = _names(list(functions)), Helpers()
+    bodies = [FunctionWriter(f, functions, names, origin, helpers).write()
+              for f in functions.values()]
+    clocks = sorted(layout.clocks, key=lambda c: not c.observed)
+    observed = sum(c.observed for c in clocks)
+    cells = b"".join((origin + c.offset).to_bytes(4, "little") for c in clocks)
+    parts = [
+        "(module", *_imports(helpers),
+        f'(memory (export "memory") {pages} {pages})',
+        f'(data (i32.const {CLOCKS}) "{_escaped(cells)}")',
+        f'(data (i32.const {origin}) "{_escaped(layout.initial)}")',
+        "(global $left (mut i64) (i64.const 0))",
+        "(global $budget (mut i64) (i64.const 0))",
+        "(type $pou (func (param i32)))",
+        *_table(program, names),
+        *helpers.used.values(),
+        _COPY.replace("SIZE", str(layout.size)).replace("ORIGIN", str(origin)),
+        _ADVANCE.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * len(clocks))),
+        _CLOCKS_RUN.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * observed))
+        .replace("ANSWER", str(COMPLETED)),
+        _REPEAT.replace("COMPLETED", str(COMPLETED)),
+        *bodies, ")", ""]
+    numbers = {name: n for n, name in enumerate(functions)}
+    return Translated("\n".join(parts), origin, runs, numbers, helpers.hosts, helpers.sites)
+
+
+def _names(functions: list[str]) -> dict[str, str]:
+    """Return a WebAssembly name for each function: its own, as far as its letters allow."""
+    names: dict[str, str] = {}
+    for name in functions:
+        plain = "$pou." + re.sub(r"[^\w.]", "_", name, flags=re.ASCII)
+        while plain in names.values():
+            plain += "_"
+        names[name] = plain
+    return names
+
+
+def _imports(helpers: Helpers) -> list[str]:
+    lines = []
+    for name, (pops, pushes) in helpers.hosts.items():
+        taken = " ".join(KINDS[m] for m in pops)
+        given = f" (result {KINDS[pushes]})" if pushes else ""
+        lines.append(f'(import "host" "{name}" (func $host.{name} (param {taken}){given}))')
+    return lines
+
+
+def _table(program: Program, names: dict[str, str]) -> list[str]:
+    """Return the table of functions to run; a result that nobody takes is dropped."""
+    lines, entries = [], []
+    for function in program.functions.values():
+        name = names[function.name]
+        if function.result:
+            lines.append(f"(func {name}.run (param i32) local.get 0 call {name} drop)")
+            name += ".run"
+        entries.append(name)
+    count = len(entries)
+    return [f"(table {count} {count} funcref)",
+            f"(elem (i32.const 0) func {' '.join(entries)})", *lines]
+
+
+def _escaped(data: bytes) -> str:
+    return "".join(f"\\{byte:02x}" for byte in data)
+
+
+_COPY = """\
+(func $copy (param $to i32) (param $from i32) (param $count i32)
+  ;; an address outside the block must not reach what stands before it
+  (i32.or (i32.gt_u (local.get $to) (i32.sub (i32.const SIZE) (local.get $count)))
+          (i32.gt_u (local.get $from) (i32.sub (i32.const SIZE) (local.get $count))))
+  if
+    unreachable
+  end
+  (memory.copy (i32.add (local.get $to) (i32.const ORIGIN))
+               (i32.add (local.get $from) (i32.const ORIGIN)) (local.get $count)))"""
+
+_ADVANCE = """\
+(func $advance (export "advance") (param $elapsed i64)
+  (local $at i32) (local $cell i32) (local $count i64) (local $limit i64)
+  (local.set $at (i32.const BEGIN))
+  block $end
+    loop $next
+      (br_if $end (i32.ge_u (local.get $at) (i32.const END)))
+      (local.set $cell (i32.load (local.get $at)))
+      (local.set $count (i64.load (local.get $cell)))
+      (local.set $limit (i64.load offset=8 (local.get $cell)))
+      (if (i64.lt_s (local.get $count) (local.get $limit)) (then
+        (i64.store (local.get $cell)
+          (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
+            (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count)))))))
+      (local.set $at (i32.add (local.get $at) (i32.const 4)))
+      br $next
+    end
+  end)"""
+
+_CLOCKS_RUN = """\
+(func (export "clocks_run")
+  (local $at i32) (local $cell i32)
+  (i64.store (i32.const ANSWER) (i64.const 0))
+  (local.set $at (i32.const BEGIN))
+  block $end
+    loop $next
+      (br_if $end (i32.ge_u (local.get $at) (i32.const END)))
+      (local.set $cell (i32.load (local.get $at)))
+      (if (i64.lt_s (i64.load (local.get $cell)) (i64.load offset=8 (local.get $cell))) (then
+        (i64.store (i32.const ANSWER) (i64.const 1))
+        return))
+      (local.set $at (i32.add (local.get $at) (i32.const 4)))
+      br $next
+    end
+  end)"""
+
+_REPEAT = """\
+(func (export "repeat")
+  (param $runs i64) (param $end i64) (param $count i64) (param $elapsed i64) (param $limit i64)
+  (local $at i32)
+  (i64.store (i32.const COMPLETED) (i64.const 0))
+  (global.set $budget (local.get $limit))
+  block $done
+    loop $again
+      (br_if $done (i64.eqz (local.get $count)))
+      (if (i64.ne (local.get $elapsed) (i64.const 0)) (then (call $advance (local.get $elapsed))))
+      (global.set $left (local.get $limit))
+      (local.set $at (i32.wrap_i64 (local.get $runs)))
+      block $ran
+        loop $next
+          (br_if $ran (i32.ge_u (local.get $at) (i32.wrap_i64 (local.get $end))))
+          (call_indirect (type $pou)
+            (i32.load offset=4 (local.get $at)) (i32.load (local.get $at)))
+          (local.set $at (i32.add (local.get $at) (i32.const 8)))
+          br $next
+        end
+      end
+      (i64.store (i32.const COMPLETED) (i64.add (i64.load (i32.const COMPLETED)) (i64.const 1)))
+      (local.set $count (i64.sub (local.get $count) (i64.const 1)))
+      br $again
+    end
+  end)"""
