@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from plcemu.base.errors import PlcemuError
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
-from plcemu.ir.program import Program
+from plcemu.ir.program import Block, Program
 
 
 class ScanMachine:
@@ -19,36 +19,49 @@ class ScanMachine:
 
     Args:
         resource: of the program, at its cold start; all its tasks are released in every scan.
-        inputs: where the plant's readings go, in the order of the values given to `scan`.
+        inputs: where the plant's readings go, in the order of the values given to `image`.
         kept: the bytes of memory that matter, by offset; all if None.
 
     Raises:
-        PlcemuError: tasks have events or different intervals.
+        PlcemuError: tasks have events or different intervals, or an input is not there.
     """
 
     def __init__(self, resource: Resource, inputs: Sequence[Point] = (),
                  kept: Iterable[int] | None = None) -> None:
         program = resource.program
         self.resource = resource
-        self._block = resource.memory.block
-        self._runs = _simple_runs(program, resource)
-        self._writes = [_place(program, point) for point in inputs]
+        self._block = resource.engine.block
+        self._code = resource.engine.prepare(_simple_runs(program, resource))
+        self._places = [_place(program, point) for point in inputs]
+        self._widths = [point.width for point in inputs]
+        self._stretches = _stretches(zip(self._places, self._widths, strict=True))
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
         self.has_clocks = any(c.observed for c in program.layout.clocks)
-        mask = bytes(self._size) if kept is not None else b"\xff" * self._size
-        self._mask = int.from_bytes(_marked(mask, kept or ()), "little")
+        kept = range(self._size) if kept is None else kept
+        mask = bytearray(self._size)
+        for offset in kept:
+            mask[offset] = 0xFF
+        self._mask = int.from_bytes(mask, "little")
         rest = ~self._mask & ((1 << 8 * self._size) - 1)
         self._rest = int.from_bytes(self.initial, "little") & rest
         self.scans = 0
         """Scans executed so far."""
 
-    def reduced(self, memory: bytes | bytearray) -> bytes:
+    def reduced(self, memory: Block | bytes) -> bytes:
         """Return memory with everything that does not matter at its initial value."""
         number = int.from_bytes(memory, "little") & self._mask | self._rest
         return number.to_bytes(self._size, "little")
 
-    def scan(self, memory: bytes, inputs: Sequence[bytes], elapsed_ns: int = 0) -> bytes:
+    def image(self, raw: Sequence[bytes]) -> list[tuple[slice, bytes]]:
+        """Return the inputs' raw values, little-endian, as stretches of memory to be written."""
+        image = bytearray(self._size)
+        for place, width, value in zip(self._places, self._widths, raw, strict=True):
+            image[place:place + width] = value
+        return [(s, bytes(image[s])) for s in self._stretches]
+
+    def scan(self, memory: bytes, image: Sequence[tuple[slice, bytes]],
+             elapsed_ns: int = 0) -> bytes:
         """Return memory after one scan: latch the inputs, let time pass, run the tasks.
 
         Raises:
@@ -56,15 +69,22 @@ class ScanMachine:
         """
         block = self._block
         block[:] = memory
-        for place, raw in zip(self._writes, inputs, strict=True):
-            block[place:place + len(raw)] = raw
-        if elapsed_ns:
-            self.resource.engine.advance_clocks(elapsed_ns)
-        run = self.resource.engine.run
-        for function, base in self._runs:
-            run(function, base)
+        for stretch, data in image:
+            block[stretch] = data
+        self._code.repeat(1, elapsed_ns)
         self.scans += 1
-        return self.reduced(bytes(block))
+        return bytes(block)
+
+
+def _stretches(places: Iterable[tuple[int, int]]) -> list[slice]:
+    """Return the fewest slices that cover places given as (offset, width), and nothing else."""
+    merged: list[slice] = []
+    for start, width in sorted(places):
+        if merged and merged[-1].stop == start:
+            merged[-1] = slice(merged[-1].start, start + width)
+        else:
+            merged.append(slice(start, start + width))
+    return merged
 
 
 def _simple_runs(program: Program, resource: Resource) -> list[tuple[str, int]]:
@@ -92,10 +112,3 @@ def place_of(program: Program, point: Point) -> int | None:
         if extent.area == area and extent.first <= index < extent.first + extent.count:
             return extent.offset + (index - extent.first) * point.width
     return None
-
-
-def _marked(mask: bytes, kept: Iterable[int]) -> bytes:
-    marked = bytearray(mask)
-    for offset in kept:
-        marked[offset] = 0xFF
-    return bytes(marked)

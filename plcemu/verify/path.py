@@ -5,7 +5,7 @@ It is a trace as well, so that the online monitors judge it and every recorder c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ from plcemu.base.trace import Change, Frame, Trace
 from plcemu.base.types import Value
 from plcemu.verify.check import StateGraph
 from plcemu.verify.fair import Lasso, Step
-from plcemu.verify.loop import ClosedLoop, Scan
+from plcemu.verify.loop import ClosedLoop
 from plcemu.verify.predicates import Predicates
 
 
@@ -133,7 +133,7 @@ class _Writer:
         self.loop, self.predicates = loop, predicates
         self.rows: list[Row] = []
         self.before: tuple[Value, ...] = ()
-        self.last: list[Scan] = []
+        self.last: list[tuple[bytes, Hashable]] = []
         self.names = [tag.name for tag in predicates.tags]
         self.shown = [tag.type != "TIME" for tag in predicates.tags]
 
@@ -142,21 +142,21 @@ class _Writer:
         self.take(str(step.action), scans)
         return step.target
 
-    def take(self, action: str, scans: list[Scan]) -> None:
+    def take(self, action: str, scans: list[tuple[bytes, Hashable]]) -> None:
         self.last = scans
-        for n, scan in enumerate(scans):
-            values = tuple(self.predicates.values(scan.memory, self.loop.facts(scan.plant)))
+        for n, (memory, plant) in enumerate(scans):
+            values = tuple(self.predicates.values(memory, self.loop.facts(plant)))
             changes = {name: now for name, now, shown, old in
                        zip(self.names, values, self.shown, self.before or _initial(values),
                            strict=True) if shown and now != old}
             self.rows.append(Row(len(self.rows), action if n == 0 else "", changes,
-                                 self.loop.raw_inputs(scan.plant), values))
+                                 self.loop.raw_inputs(plant), values))
             self.before = values
 
     def cut(self, watched: int) -> None:
         """Drop the scans of the last step after the first one in which a formula holds."""
-        for n, scan in enumerate(self.last):
-            if self.loop.watch(scan.memory, self.loop.facts(scan.plant)) >> watched & 1:
+        for n, (memory, plant) in enumerate(self.last):
+            if self.loop.watch(memory, self.loop.facts(plant)) >> watched & 1:
                 del self.rows[len(self.rows) - len(self.last) + n + 1:]
                 return
 
