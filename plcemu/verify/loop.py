@@ -12,13 +12,13 @@ A state is the memory block (what matters of it) and the plant's state. Two ways
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol
 
 from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
-from plcemu.verify.machine import ScanMachine, place_of
+from plcemu.verify.machine import ScanMachine, mask_of, place_of
 
 Merge = Literal["stable", "none"]
 
@@ -87,6 +87,10 @@ SETTLES_WITHIN = 1000
 """Scans after which the loop must rest if nothing happens by itself."""
 
 
+_PATIENCE = 16
+"""Scans before it is looked whether only what does not matter still changes."""
+
+
 class DoesNotSettle(PlcemuError):
     """The loop goes on changing although nothing happens by itself, so scans cannot be merged."""
 
@@ -105,6 +109,7 @@ class ClosedLoop:
         inputs: where the plant's readings go.
         outputs: what its actuators follow.
         watch: which watched formulas hold in one scan, as bits; asked of every scan.
+        watched: the bytes of memory that `watch` looks at; all if None.
         told: the bits that are told for every step, in `State.seen`; all are kept in `ever`.
         merge: which scans are states of their own.
         cycle_ns: the time that passes between two scans; used by `merge="none"`.
@@ -115,7 +120,8 @@ class ClosedLoop:
 
     def __init__(self, machine: ScanMachine, plant: FinitePlant, inputs: Sequence[Point],
                  outputs: Sequence[Point],
-                 watch: Callable[[bytes, Sequence[Value]], int] = nothing_watched, told: int = -1,
+                 watch: Callable[[bytes, Sequence[Value]], int] = nothing_watched,
+                 watched: Iterable[int] | None = None, told: int = -1,
                  merge: Merge = "stable", cycle_ns: int = 0) -> None:
         if merge == "stable" and machine.has_clocks:
             raise PlcemuError("the program reads timers or step times, so time matters between "
@@ -132,7 +138,8 @@ class ClosedLoop:
         self._views: dict[Hashable, _View] = {}
         self._raw: dict[tuple[int, Any], bytes] = {}
         self._values: dict[bytes, dict[str, Any]] = {}
-        self._watched: dict[tuple[bytes, Hashable], int] = {}
+        self._watched_mask = mask_of(len(machine.initial), watched)
+        self._holding: dict[tuple[int, tuple[Value, ...]], int] = {}
         self._starts: dict[Hashable, State] = {}
         self.origins: dict[State, Hashable] = {}
         """For each initial state found, a plant's initial state that leads to it."""
@@ -196,15 +203,21 @@ class ClosedLoop:
 
     def _last(self, step: Trail) -> State:
         scans, plant, fault = step
-        seen, known = 0, self._watched
-        for scan in scans:
-            holds = known.get(scan)
-            if holds is None:
-                holds = known[scan] = self.watch(scan[0], self.facts(scan[1]))
-                self.ever |= holds
-            seen |= holds
+        seen = 0
+        for memory, seen_plant in scans:
+            seen |= self._holds(memory, seen_plant)
         last = self.machine.reduced(scans[-1][0]) if scans else self.machine.initial
         return State(last, plant, seen & self.told, fault)
+
+    def _holds(self, memory: bytes, plant: Hashable) -> int:
+        """Return which watched formulas hold in a scan; what they look at has few values."""
+        facts = self._views[plant].facts
+        key = (int.from_bytes(memory, "little") & self._watched_mask, facts)
+        holds = self._holding.get(key)
+        if holds is None:
+            holds = self._holding[key] = self.watch(memory, facts)
+            self.ever |= holds
+        return holds
 
     def _step(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> Trail:
         """Scan until the loop rests, or once: the plant follows the outputs after each scan."""
@@ -212,12 +225,13 @@ class ClosedLoop:
         scan, hull, once = self.machine.scan, self._hull, self.merge == "none"
         view = self._view(plant)
         try:
-            for _ in range(SETTLES_WITHIN):
+            for n in range(SETTLES_WITHIN):
                 after = scan(memory, view.image, elapsed_ns)
                 scans.append((after, view.state))
                 outputs = after[hull]
                 following = view.follows.get(outputs) or self._follow(view, outputs)
-                rests = following is view and (after == memory or self._same(after, memory))
+                rests = following is view and (after == memory or (
+                    n > _PATIENCE and self._same(after, memory)))
                 memory, view = after, following
                 if rests or once:
                     return scans, view.state, ""

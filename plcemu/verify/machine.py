@@ -33,16 +33,11 @@ class ScanMachine:
         self._block = resource.engine.block
         self._code = resource.engine.prepare(_simple_runs(program, resource))
         self._places = [_place(program, point) for point in inputs]
-        self._widths = [point.width for point in inputs]
-        self._stretches = _stretches(zip(self._places, self._widths, strict=True))
+        self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
         self.has_clocks = any(c.observed for c in program.layout.clocks)
-        kept = range(self._size) if kept is None else kept
-        mask = bytearray(self._size)
-        for offset in kept:
-            mask[offset] = 0xFF
-        self._mask = int.from_bytes(mask, "little")
+        self._mask = mask_of(self._size, kept)
         rest = ~self._mask & ((1 << 8 * self._size) - 1)
         self._rest = int.from_bytes(self.initial, "little") & rest
         self.scans = 0
@@ -55,10 +50,8 @@ class ScanMachine:
 
     def image(self, raw: Sequence[bytes]) -> list[tuple[slice, bytes]]:
         """Return the inputs' raw values, little-endian, as stretches of memory to be written."""
-        image = bytearray(self._size)
-        for place, width, value in zip(self._places, self._widths, raw, strict=True):
-            image[place:place + width] = value
-        return [(s, bytes(image[s])) for s in self._stretches]
+        return [(place, b"".join([raw[n] for n in numbers]))
+                for place, numbers in self._stretches]
 
     def scan(self, memory: bytes, image: Sequence[tuple[slice, bytes]],
              elapsed_ns: int = 0) -> bytes:
@@ -76,14 +69,26 @@ class ScanMachine:
         return bytes(block)
 
 
-def _stretches(places: Iterable[tuple[int, int]]) -> list[slice]:
-    """Return the fewest slices that cover places given as (offset, width), and nothing else."""
-    merged: list[slice] = []
-    for start, width in sorted(places):
-        if merged and merged[-1].stop == start:
-            merged[-1] = slice(merged[-1].start, start + width)
+def mask_of(size: int, offsets: Iterable[int] | None) -> int:
+    """Return bytes of a block, by offset, as a mask of the block read as one number."""
+    mask = bytearray(size if offsets is not None else b"\xff" * size)
+    for offset in offsets or ():
+        mask[offset] = 0xFF
+    return int.from_bytes(mask, "little")
+
+
+def _stretches(places: Iterable[tuple[int, int]]) -> list[tuple[slice, list[int]]]:
+    """Return the fewest slices that cover places given as (offset, width), and nothing else.
+
+    Each comes with the numbers of its places in order.
+    """
+    merged: list[tuple[slice, list[int]]] = []
+    for (start, width), number in sorted((place, n) for n, place in enumerate(places)):
+        if merged and merged[-1][0].stop == start:
+            before, numbers = merged.pop()
+            merged.append((slice(before.start, start + width), [*numbers, number]))
         else:
-            merged.append(slice(start, start + width))
+            merged.append((slice(start, start + width), [number]))
     return merged
 
 
