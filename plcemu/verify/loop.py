@@ -130,6 +130,7 @@ class ClosedLoop:
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.watch, self.told, self.merge, self.cycle_ns = watch, told, merge, cycle_ns
+        self._elapsed_ns = cycle_ns if merge == "none" else 0
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
         program = machine.resource.program
@@ -190,7 +191,7 @@ class ClosedLoop:
     def scans(self, state: State, action: Any) -> Trail:
         """The scans of a step, the plant in the end, and why the program faulted, if it did."""
         plant = state.plant if action is IDLE else self.plant.after(state.plant, action)
-        return self._step(state.memory, plant, self.cycle_ns)
+        return self._step(state.memory, plant, self._elapsed_ns)
 
     def facts(self, plant: Hashable) -> tuple[Value, ...]:
         """The values of the plant's facts, in their order."""

@@ -182,9 +182,11 @@ def earliest(graph: TimedGraph[S], batches: int,
         potentials = [certificate.potentials[state] for state in graph.states]
         floor = min(potentials)
 
+    most = max(graph.batches, default=0)
+
     def bound(state: int, made: int) -> int:
-        """The least units, times q, until the last batch starts; it starts before its move."""
-        return max(0, p * (batches - 1 - made) + floor - potentials[state])
+        """The least units, times q, until the last batch starts, at the beginning of a move."""
+        return max(0, p * (batches - most - made) + floor - potentials[state])
 
     best: dict[tuple[int, int], int] = {}
     came: dict[tuple[int, int], tuple[tuple[int, int], int]] = {}
