@@ -66,7 +66,7 @@ def can_avoid(system: Steps, good: Collection[int]) -> set[int]:
             goal = {s for s in smaller if name not in system.waiting[s]}
             by_doing = {s for s in smaller if system.table[s].get(name) in smaller}
             smaller = {s for s in bad if _step_into(system, s, _reaching(
-                system, bad, (goal | by_doing) & smaller)) or s in by_doing and s in smaller}
+                system, bad, (goal | by_doing) & smaller)) or (s in by_doing and s in smaller)}
         if smaller >= z:
             break
         z &= smaller

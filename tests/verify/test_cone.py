@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plcemu.engine.resource import Resource
@@ -66,6 +66,7 @@ PROGRAM MAIN VAR f : FB; a : INT; END_VAR f(x := a); END_PROGRAM
     assert cone_of(program, [0]) is None
 
 
+@settings(max_examples=25, deadline=None)
 @given(st.binary(min_size=2, max_size=2), st.binary(min_size=2, max_size=2),
        st.lists(st.booleans(), min_size=1, max_size=12))
 def test_what_is_cut_away_never_shows_in_what_is_kept(

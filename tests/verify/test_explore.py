@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from verify_toys import Steps, steps
 
 from plcemu.verify.explore import Limits, Progress, explore, terminal
@@ -76,6 +76,7 @@ def test_progress_tells_states_rate_frontier_and_memory() -> None:
     assert "states/s" in str(told[0])
 
 
+@settings(deadline=None)
 @given(steps())
 def test_what_is_reached_is_what_a_fixed_point_reaches(system: Steps) -> None:
     reached = {0}

@@ -10,7 +10,7 @@ from plcemu.verify.explore import explore, terminal
 from plcemu.verify.fair import fair_components, lasso
 
 
-@settings(max_examples=300)
+@settings(max_examples=200, deadline=None)
 @given(steps(), st.frozensets(st.integers(0, 6)))
 def test_a_fair_run_avoids_the_good_states_exactly_if_fixed_points_say_so(
         system: Steps, good: frozenset[int]) -> None:
@@ -24,7 +24,7 @@ def test_a_fair_run_avoids_the_good_states_exactly_if_fixed_points_say_so(
     assert found <= reaching
 
 
-@settings(max_examples=300)
+@settings(max_examples=200, deadline=None)
 @given(steps())
 def test_a_lasso_is_a_run_and_its_cycle_is_fair(system: Steps) -> None:
     graph = explore(system)

@@ -17,20 +17,21 @@ TWO_LOOPS = Hops({0: [Hop(("slow",), 5, 1, 1), Hop(("fast",), 3, 1, 2)],
 """From 0 into a loop of 5 units a batch, or into one of 12 units for 3 batches."""
 
 
-@settings(max_examples=400)
+@settings(max_examples=200, deadline=None)
 @given(hops())
 def test_the_least_period_is_the_least_ratio_of_a_cycle(system: Hops) -> None:
     certificate = least_period(TimedGraph(system))
     assert (certificate and certificate.period) == least_ratio(system)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100, deadline=None)
 @given(hops())
 def test_every_proof_stands_the_independent_check(system: Hops) -> None:
     certificate = least_period(TimedGraph(system))
     assert certificate is None or flaw_in(certificate, system) == ""
 
 
+@settings(deadline=None)
 @given(hops(), st.integers(1, 5))
 def test_the_earliest_batch_is_as_early_as_in_all_runs_of_that_length(
         system: Hops, batches: int) -> None:

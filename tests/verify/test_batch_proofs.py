@@ -1,0 +1,133 @@
+"""The batch plant proved: the real program against the plant's finite abstraction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+from systems import BATCH, S, batch_config, batch_system
+
+from plant_sim.batch_plant.abstraction import BatchAbstraction, Ends, State, initial_loads
+from plant_sim.batch_plant.loads import CONTENTS, content_of, tanks_of_load
+from plant_sim.batch_plant.processes import PROCESSES
+from plcemu.base.trace import Frame
+from plcemu.monitor import Suite, parse_properties
+from plcemu.runtime.verification import make_prover
+from plcemu.verify.prove import Proof
+
+
+def proved(*overrides: str, names: list[str] | None = None) -> dict[str, Proof]:
+    return {p.name: p for p in make_prover(batch_config(*overrides), names).prove().proofs}
+
+
+def test_from_load_2_every_property_without_durations_holds_and_none_is_vacuous() -> None:
+    found = proved("load=2")
+    undecided = {name for name, p in found.items() if p.finding.verdict == "inconclusive"}
+    assert undecided == {"batch_leaves", "new_batch"}
+    assert all(p.finding.verdict == "holds" for n, p in found.items() if n not in undecided)
+    assert not [n for n, p in found.items() if p.finding.vacuous_in]
+
+
+@pytest.mark.parametrize("load", ["load=0", "load=7.5", "load=8"])
+def test_from_loads_that_cannot_produce_the_run_ends_in_a_standstill(load: str) -> None:
+    proof = proved(load, names=["produces"])["produces"]
+    assert proof.finding.verdict == "violated"
+    assert proof.path is not None and proof.path.repeats_from == len(proof.path.rows) - 1
+
+
+def test_half_a_batch_of_solution_gets_as_far_as_the_mixer() -> None:
+    path = proved("load=0.5", names=["produces"])["produces"].path
+    assert path is not None
+    assert [row.action for row in path.rows if row.action] == ["P1 ends"]
+
+
+def test_the_thirty_loads_are_nine_whole_ones_and_halves_of_either_kind() -> None:
+    loads = [tuple(sorted(tanks.items())) for _, tanks in initial_loads()]
+    assert len(loads) == len(set(loads)) == 30
+
+
+def test_every_initial_load_has_its_own_verdict() -> None:
+    verdicts = proved("initial=loads", names=["produces"])["produces"]
+    refuted = {name for name, verdict in verdicts.initial.items() if verdict == "violated"}
+    assert len(verdicts.initial) == 30
+    assert {name.split(" (")[0] for name in refuted} == {"load 0", "load 0.5", "load 7.5",
+                                                         "load 8"}
+
+
+def test_without_a_conflict_two_processes_share_a_tank_and_the_way_is_shown(tmp_path: Any) -> None:
+    text = (BATCH / "batch_plant.sfc").read_text(encoding="utf-8")
+    text = text.replace("  LD   Psi2\n  ANDN Theta1\n", "  LD   Psi2\n")
+    (tmp_path / "mutant.sfc").write_text(text, encoding="utf-8")
+    found = proved(f"program={tmp_path / 'mutant.sfc'}")
+    assert found["no_P1_with_P2"].finding.verdict == "violated"
+    assert found["no_forbidden_mixture"].finding.verdict == "violated"
+
+
+def test_in_the_counterexample_the_online_monitor_violates_at_the_same_instant(
+        tmp_path: Any) -> None:
+    text = (BATCH / "batch_plant.sfc").read_text(encoding="utf-8")
+    text = text.replace("  LD   Psi2\n  ANDN Theta1\n", "  LD   Psi2\n")
+    (tmp_path / "mutant.sfc").write_text(text, encoding="utf-8")
+    for proof in proved(f"program={tmp_path / 'mutant.sfc'}").values():
+        if proof.finding.verdict != "violated" or proof.path is None or proof.path.repeats_from:
+            continue
+        trace = proof.path.trace()
+        suite = Suite(parse_properties(f"it: {proof.formula}"), trace.tags)
+        for frame in trace.frames:
+            suite.observe(frame)
+        result, = suite.finish(trace.end_ns)
+        assert result.failed and result.decided_at_ns == trace.end_ns
+
+
+# ---------------------------------------------------------------- refinement
+
+
+class Follower:
+    """Lets the abstraction follow a run of the real plant, scan by scan.
+
+    A process ends in the abstraction once each of its tanks reads what it leaves; then the
+    actuators follow. What then is no trouble, and reads what the tanks read, is allowed.
+    """
+
+    def __init__(self, plant: Any, abstraction: BatchAbstraction) -> None:
+        self.plant, self.abstraction = plant, abstraction
+        self.state: State = next(iter(abstraction.initial()))
+        self.ended = 0
+
+    def observe(self, frame: Frame) -> None:
+        plant = self.plant.coupling.plant
+        for row in self.state.running:
+            change = PROCESSES[row.process].changes
+            held = dict(zip(CONTENTS, self.state.tanks, strict=True))
+            if not row.ended and all(_reads(plant, t, change[t][held[t]]) for t in change):
+                self.state = self.abstraction.after(self.state, Ends((row.process,)))
+                self.ended += 1
+        self.state = self.abstraction.actuate(self.state, _actuators(plant))
+        busy = {t for r in self.state.running for t in PROCESSES[r.process].changes}
+        assert not self.state.trouble, (frame.t_ns, self.state)
+        for tank, content in zip(CONTENTS, self.state.tanks, strict=True):
+            assert tank in busy or _reads(plant, tank, content), (frame.t_ns, tank, self.state)
+
+
+def _actuators(plant: Any) -> Mapping[str, bool]:
+    return {name: bool(value) for name, value in plant.actuators.items()}
+
+
+def _reads(plant: Any, tank: str, content: str) -> bool:
+    """Whether a tank holds a content: within 0.05 l, cold up to 20.5 degC and hot above."""
+    wanted = content_of(content)
+    near = abs(plant.volume(tank) / plant.units.of_litres(1) - float(wanted.volume_l)) < 0.05
+    if not near or tank in ("B1", "B2", "B3", "B4") or content == "empty":
+        return near
+    return (float(plant.temperature_degC(tank)) > 20.5) == content.endswith("H") \
+        or content.startswith("sol70")
+
+
+@pytest.mark.parametrize(("load", "half"), [(2, "solution"), (4.5, "water"), (7, "solution")])
+def test_the_run_of_the_real_plant_is_allowed_by_the_abstraction(load: float, half: str) -> None:
+    system = batch_system(f"load={load}", f"half={half}")
+    follower = Follower(system.plant, BatchAbstraction({"tanks": tanks_of_load(load, half)}))
+    system.cycle.observers.append(follower)
+    system.cycle.run_virtual(6000 * S)
+    assert follower.ended >= 9
