@@ -32,18 +32,28 @@ VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; closed : INT; END_VAR
 done:
 END_PROGRAM
 """
-ALWAYS = "PROGRAM MAIN VAR valve AT %QX0.0 : BOOL; high AT %IX0.0 : BOOL; END_VAR\n" \
-    "valve := TRUE;\nEND_PROGRAM\n"
-DIVIDING = "PROGRAM MAIN VAR valve AT %QX0.0 : BOOL; high AT %IX0.0 : BOOL; n : INT; END_VAR\n" \
-    "valve := NOT high;\nIF high THEN n := 1 / n; END_IF;\nEND_PROGRAM\n"
+ALWAYS = """PROGRAM MAIN
+VAR valve AT %QX0.0 : BOOL; high AT %IX0.0 : BOOL; END_VAR
+valve := TRUE;
+END_PROGRAM
+"""
+DIVIDING = """PROGRAM MAIN
+VAR valve AT %QX0.0 : BOOL; high AT %IX0.0 : BOOL; n : INT; END_VAR
+valve := NOT high;
+IF high THEN n := 1 / n; END_IF;
+END_PROGRAM
+"""
 TIMED = """PROGRAM MAIN
 VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; late : TON; END_VAR
 late(IN := high, PT := T#30ms);
 valve := NOT late.Q;
 END_PROGRAM
 """
-BLINKING = "PROGRAM MAIN VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; END_VAR\n" \
-    "valve := NOT valve;\nEND_PROGRAM\n"
+BLINKING = """PROGRAM MAIN
+VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; END_VAR
+valve := NOT valve;
+END_PROGRAM
+"""
 
 DEMANDS = """dry: G !plant.overflow
 closed: G !(high & valve)
