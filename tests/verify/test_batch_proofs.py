@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pytest
@@ -10,11 +11,14 @@ from systems import BATCH, S, batch_config, batch_system
 
 from plant_sim.batch_plant.abstraction import BatchAbstraction, Ends, State, initial_loads
 from plant_sim.batch_plant.loads import CONTENTS, content_of, tanks_of_load
+from plant_sim.batch_plant.parameters import BatchParameters
 from plant_sim.batch_plant.processes import PROCESSES
+from plant_sim.batch_plant.protocol import Protocol
 from plcemu.base.trace import Frame
 from plcemu.monitor import Suite, parse_properties
 from plcemu.runtime.verification import make_prover
 from plcemu.verify.prove import Proof
+from plcemu.verify.schedule import TimedGraph, least_period
 
 
 def proved(*overrides: str, names: list[str] | None = None) -> dict[str, Proof]:
@@ -47,12 +51,56 @@ def test_the_thirty_loads_are_nine_whole_ones_and_halves_of_either_kind() -> Non
     assert len(loads) == len(set(loads)) == 30
 
 
-def test_every_initial_load_has_its_own_verdict() -> None:
-    verdicts = proved("initial=loads", names=["produces"])["produces"]
-    refuted = {name for name, verdict in verdicts.initial.items() if verdict == "violated"}
-    assert len(verdicts.initial) == 30
+Amounts = tuple[int, int]
+"""Units of solution and of water."""
+
+UNITS: dict[str, Amounts] = {"sol42": (1, 0), "sol84": (2, 0), "water28": (0, 1),
+                             "water56": (0, 2), "sol70": (1, 1), "sol140": (2, 2), "empt": (0, 0)}
+
+
+def amounts(contents: Iterable[str]) -> Amounts:
+    held = [UNITS[word[:-1]] for word in contents]
+    return sum(s for s, _ in held), sum(w for _, w in held)
+
+
+@pytest.fixture(scope="module")
+def from_everywhere() -> dict[tuple[str, ...], str]:
+    """The verdict on property (1) for each of the 8100 contents of all tanks."""
+    prover = make_prover(batch_config("initial=all"), ["produces"])
+    proof, = prover.prove().proofs
+    return {plant.tanks: proof.initial[prover.loop.plant.name_of(plant)]  # type: ignore[attr-defined]
+            for plant in prover.loop.plant.initial()}
+
+
+def test_all_8100_initial_configurations_have_a_verdict_in_one_run(
+        from_everywhere: dict[tuple[str, ...], str]) -> None:
+    assert Counter(from_everywhere.values()) == {"holds": 7825, "violated": 275}
+
+
+def test_the_verdict_depends_on_the_amounts_of_solution_and_water_alone(
+        from_everywhere: dict[tuple[str, ...], str]) -> None:
+    by_amounts: dict[Amounts, set[str]] = {}
+    for contents, verdict in from_everywhere.items():
+        by_amounts.setdefault(amounts(contents), set()).add(verdict)
+    assert all(len(verdicts) == 1 for verdicts in by_amounts.values())
+    assert by_amounts[1, 1] == by_amounts[7, 7] == {"holds"}
+    assert by_amounts[1, 6] == by_amounts[8, 2] == {"violated"}
+
+
+def test_of_the_thirty_loads_those_that_cannot_produce_are_refuted(
+        from_everywhere: dict[tuple[str, ...], str]) -> None:
+    refuted = {name for name, tanks in initial_loads()
+               if from_everywhere[tuple(tanks.get(t, "empty") for t in CONTENTS)] == "violated"}
     assert {name.split(" (")[0] for name in refuted} == {"load 0", "load 0.5", "load 7.5",
                                                          "load 8"}
+    assert len(refuted) == 7
+
+
+def test_where_the_controller_cannot_produce_no_schedule_can(
+        from_everywhere: dict[tuple[str, ...], str]) -> None:
+    refuted = [c for c, verdict in from_everywhere.items() if verdict == "violated"]
+    assert not [c for c in refuted if least_period(TimedGraph(Protocol(
+        BatchParameters(), dict(zip(CONTENTS, c, strict=True)))))]
 
 
 def test_without_a_conflict_two_processes_share_a_tank_and_the_way_is_shown(tmp_path: Any) -> None:
