@@ -7,13 +7,15 @@ the same raw values (docs/timing.md).
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from plant_sim.contract import Plant
+from plant_sim.contract import Plant, PortValue
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import PlcemuError, did_you_mean
+from plcemu.base.time import NS_PER_S
 from plcemu.io.mapping import Point
 
 
@@ -41,6 +43,10 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> 
         taken[str(point.address)] = name
         made.append(point)
     return made
+
+
+class PlantFailure(PlcemuError):
+    """The plant's model failed: which plant, when, and the line of its code."""
 
 
 class Checkpoint(NamedTuple):
@@ -71,27 +77,31 @@ class Coupling:
                  time_scale: Fraction = Fraction(1)) -> None:
         self.plant = plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self._scale = time_scale
+        self._per = time_scale.as_integer_ratio()
+        self._seen: list[PortValue | None] = [None] * len(self.inputs)
+        self._raw = [0] * len(self.inputs)
         self._origin_ns = plant.t_ns
         self._outputs_before: Sequence[int] | None = None
         plant.watch([p.name for p in self.inputs])
 
     def begin(self, t_ns: int) -> None:
         """Let the plant, as it stands, begin at an instant of the PLC's time."""
-        self._origin_ns = self.plant.t_ns - int(t_ns * self._scale)
+        self._origin_ns = self.plant.t_ns - t_ns * self._per[0] // self._per[1]
         self._outputs_before = None
 
     def plant_time_ns(self, t_ns: int) -> int:
         """Return the plant's time at an instant of the PLC's time."""
-        return self._origin_ns + int(t_ns * self._scale)
+        return self._origin_ns + t_ns * self._per[0] // self._per[1]
 
     def next_event_ns(self) -> int | None:
         """Return the first instant of the PLC's time at which a reading or a fact has changed."""
-        event = self.plant.next_event_ns()
+        try:
+            event = self.plant.next_event_ns()
+        except Exception as problem:
+            raise self._failure(problem) from problem
         if event is None:
             return None
-        wait = Fraction(event - self._origin_ns) / self._scale
-        return -(-wait.numerator // wait.denominator)
+        return -((self._origin_ns - event) * self._per[1] // self._per[0])
 
     def checkpoint(self) -> Checkpoint:
         """Return the state of plant and coupling, to which an equal coupling can return."""
@@ -107,17 +117,46 @@ class Coupling:
         if raw == self._outputs_before:
             return False
         self._outputs_before = list(raw)
-        self.plant.actuate({p.name: p.to_value(r)
-                            for p, r in zip(self.outputs, raw, strict=True)})
+        values = {p.name: p.to_value(r) for p, r in zip(self.outputs, raw, strict=True)}
+        try:
+            self.plant.actuate(values)
+        except Exception as problem:
+            raise self._failure(problem) from problem
         return True
 
     def advance(self, t_ns: int) -> None:
         """Bring the plant to an instant of the PLC's time."""
         target = self.plant_time_ns(t_ns)
         if target > self.plant.t_ns:
-            self.plant.advance(target)
+            try:
+                self.plant.advance(target)
+            except Exception as problem:
+                raise self._failure(problem) from problem
 
-    def give_inputs(self) -> list[int]:
-        """Return the raw values of the inputs, in the order of `inputs`."""
-        sensed = self.plant.sense()
-        return [p.to_raw(sensed[p.name]) for p in self.inputs]
+    def sense(self) -> dict[str, PortValue]:
+        """Return the readings of the wired sensors, in their units."""
+        try:
+            return self.plant.sense()
+        except Exception as problem:
+            raise self._failure(problem) from problem
+
+    def give_inputs(self, sensed: Mapping[str, PortValue] | None = None) -> list[int]:
+        """Return the raw values of the inputs, in the order of `inputs`.
+
+        Args:
+            sensed: what `sense` returned just now, where it is known.
+        """
+        sensed = self.sense() if sensed is None else sensed
+        for n, point in enumerate(self.inputs):
+            value = sensed[point.name]
+            if value != self._seen[n]:
+                self._raw[n] = point.to_raw(value)
+                self._seen[n] = value
+        return list(self._raw)
+
+    def _failure(self, problem: Exception) -> PlantFailure:
+        """Return the error of a plant's model: the class may be the user's own."""
+        at = f"plant {self.plant.name} at {self.plant.t_ns / NS_PER_S:g} s"
+        frames = traceback.extract_tb(problem.__traceback__)
+        where = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+        return PlantFailure(f"{at}: {type(problem).__name__}: {problem}{where}")

@@ -13,7 +13,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from plant_sim.contract import Fact, FactValue, Port
 from plant_sim.curves import (
@@ -140,6 +140,14 @@ class NoParameters(Parameters):
     """A plant without parameters."""
 
 
+class _Entry(NamedTuple):
+    """The mode that the plant is in, with the instant and the state in which it was entered."""
+
+    t_ns: int
+    state: dict[str, Any]
+    mode: Mode
+
+
 class HybridAutomaton(HybridPlant):
     """Base of plants that are described by their modes.
 
@@ -148,6 +156,7 @@ class HybridAutomaton(HybridPlant):
     """
 
     parameter_type: ClassVar[type[Parameters]] = NoParameters
+    _entry: _Entry
 
     def __init__(self, parameters: Mapping[str, object] | Parameters | None = None) -> None:
         if not isinstance(parameters, Parameters):
@@ -192,15 +201,14 @@ class HybridAutomaton(HybridPlant):
         return dict(self.begin())
 
     def _first_lines(self) -> dict[str, Any]:
-        self._mode = Mode()
-        self._laws: dict[str, Law] = {}
+        self._entry = _Entry(0, {}, Mode())
         return {name: STILL.curve(value, 0) for name, value in self._begin().items()}
 
     def _state(self, t_ns: int) -> dict[str, Any]:
         return {name: _seen(curve.at(t_ns)) for name, curve in self._lines.items()}
 
     def _settle(self, fired: frozenset[str]) -> None:
-        for guard in self._mode.guards:
+        for guard in self._entry.mode.guards:
             if guard.name in fired:
                 self._assign(_news(guard.reset, self.state()))
         for _ in range(_CHOICES):
@@ -211,39 +219,35 @@ class HybridAutomaton(HybridPlant):
             self._assign(news)
         else:
             raise ZenoError(f"{self.name} never chooses a mode at {self._t_ns} ns")
-        self._entered = (self._t_ns, self.state())
         self._follow(mode)
 
     def _assign(self, values: Mapping[str, Any]) -> None:
         for name, value in values.items():
             if name not in self._lines:
                 raise KeyError(f"{self.name} has no quantity {name}")
-            law = self._laws.get(name, STILL)
-            if isinstance(law, Ode):
-                law = STILL
-            self._put(name, law.curve(value, self._t_ns))
+            law = self._entry.mode.flows.get(name, STILL)
+            self._put(name, (STILL if isinstance(law, Ode) else law).curve(value, self._t_ns))
 
-    def _follow(self, mode: Mode, anchors: Mapping[str, tuple[int, Any]] | None = None) -> None:
+    def _follow(self, mode: Mode) -> None:
         """Let every quantity go on by its law of the mode; those whose law stays are left alone."""
+        before, state = self._entry.mode.flows, self.state()
         for name in mode.flows:
             if name not in self._lines:
                 raise KeyError(f"{self.name} has no quantity {name}")
         for name, curve in self._lines.items():
             law = mode.flows.get(name, STILL)
-            if isinstance(law, Ode):
-                continue
-            if anchors is not None:
-                t0_ns, value = anchors[name]
-                self._lines[name] = law.curve(value, t0_ns)
-            elif law != self._laws.get(name, STILL):
+            if not isinstance(law, Ode) and law != before.get(name, STILL):
                 self._put(name, law.curve(curve.at(self._t_ns), self._t_ns))
-        self._integrate({n: law.rate for n, law in mode.flows.items() if isinstance(law, Ode)})
-        self._mode = Mode(mode.flows, tuple(mode.guards))
-        self._laws = dict(mode.flows)
+        self._enter(_Entry(self._t_ns, state, mode))
+
+    def _enter(self, entry: _Entry) -> None:
+        self._entry = entry._replace(mode=Mode(dict(entry.mode.flows), tuple(entry.mode.guards)))
+        self._integrate({name: law.rate for name, law in entry.mode.flows.items()
+                         if isinstance(law, Ode)})
 
     def _integrate(self, rates: Mapping[str, Callable[[State], float]]) -> None:
         if rates:
-            t_ns = self._entered[0]
+            t_ns = self._entry.t_ns
             others = {n: c for n, c in self._lines.items() if n not in rates}
             start = {n: float(self._lines[n].at(t_ns)) for n in rates}
             trajectory = Trajectory(rates, start, others, t_ns)
@@ -255,37 +259,38 @@ class HybridAutomaton(HybridPlant):
         self._moved.add(quantity)
 
     def _guards(self) -> Iterable[End]:
-        return self._mode.guards
+        return self._entry.mode.guards
 
     def _arm(self) -> None:
         super()._arm()
         horizon_ns = self._horizon_ns()
         if horizon_ns < self._mode_end_ns:
-            self._ends, self._mode_end_ns = [(horizon_ns, "horizon")], horizon_ns
+            self._mode_ends, self._mode_end_ns = [(horizon_ns, "horizon")], horizon_ns
 
     def _horizon_ns(self) -> int:
         """Where the quantities have been followed to, if that is before the end of the mode."""
         for curve in self._lines.values():
             if isinstance(curve, OdeCurve):
                 return curve.trajectory.ends_before(self._mode_end_ns) or NEVER_NS
-        spans = [round(guard.every_s * 1e9) * SAMPLES for guard in self._mode.guards
+        spans = [round(guard.every_s * 1e9) * SAMPLES for guard in self._entry.mode.guards
                  if isinstance(guard, Guard) and _is_sampled(guard, self._lines)]
-        return self._entered[0] + min(spans) if spans else NEVER_NS
+        return self._entry.t_ns + min(spans) if spans else NEVER_NS
 
     # Snapshots
 
     def _lines_image(self) -> Any:
-        entered_ns, state = self._entered
         anchors = {n: [c.t0_ns, _plain(c.value)] for n, c in self._lines.items()}
-        return {"entered_ns": entered_ns, "entered": state, "anchors": anchors}
+        return {"entered_ns": self._entry.t_ns, "entered": self._entry.state, "anchors": anchors}
 
     def _restore_lines(self, image: Any) -> None:
-        now_ns = self._t_ns
+        now_ns, state = self._t_ns, dict(image["entered"])
         self._t_ns = image["entered_ns"]
-        self._entered = (self._t_ns, dict(image["entered"]))
-        anchors = {n: (t0, _rich(v)) for n, (t0, v) in image["anchors"].items()}
-        self._lines = {n: STILL.curve(v, t0) for n, (t0, v) in anchors.items()}
-        self._follow(self.mode(dict(self._entered[1]), self.actuators), anchors)
+        mode = self.mode(dict(state), self.actuators)
+        anchors = {n: (t0_ns, _rich(value)) for n, (t0_ns, value) in image["anchors"].items()}
+        laws = {n: mode.flows.get(n, STILL) for n in anchors}
+        self._lines = {n: (STILL if isinstance(laws[n], Ode) else laws[n]).curve(value, t0_ns)
+                       for n, (t0_ns, value) in anchors.items()}
+        self._enter(_Entry(self._t_ns, state, mode))
         self._t_ns = now_ns
 
 

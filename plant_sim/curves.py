@@ -167,8 +167,8 @@ class Torricelli:
 
     def after(self, x: float, s: float) -> float:
         """The value `s` seconds after it was `x`."""
-        root, fall = math.sqrt(max(x, 0.0)), self.k * s
-        return max(x - fall * (root - fall / 4), 0.0) if fall < 2 * root else 0.0
+        root = math.sqrt(max(x, 0.0)) - self.k * s / 2
+        return min(root * root, x) if root > 0 else 0.0
 
     def until(self, x: float, level: float) -> float:
         """Seconds from `x` to a level, infinite if it is never reached."""
@@ -206,6 +206,34 @@ class Approach:
     def rises(self, x: float) -> bool:
         """Whether the value rises from `x`."""
         return self.target > x
+
+
+@dataclass(frozen=True, slots=True)
+class Caught:
+    """What another quantity gives away by `Torricelli`: x' = share * k * sqrt(source).
+
+    `source` is the other's value where this law begins; so the law is anchored where it is made.
+    """
+
+    share: float
+    outflow: Torricelli
+    source: float
+
+    def curve(self, value: Any, t0_ns: int) -> Curve:
+        """The curve from a value at an instant."""
+        return _ClosedForm(self, float(value), t0_ns)
+
+    def after(self, x: float, s: float) -> float:
+        """The value `s` seconds after it was `x`."""
+        return x + self.share * (self.source - self.outflow.after(self.source, s))
+
+    def until(self, x: float, level: float) -> float:
+        """Seconds from `x` to a level, infinite if it is never reached."""
+        return self.outflow.until(self.source, self.source - (level - x) / self.share)
+
+    def rises(self, x: float) -> bool:
+        """Whether the value rises from `x`."""
+        return self.share > 0
 
 
 # Finding instants

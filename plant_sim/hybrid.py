@@ -62,6 +62,7 @@ class _Moment(NamedTuple):
 
     t_ns: int
     lines: dict[str, Any]
+    entry: Any
     memory: Memory
     log_length: int
     ends: list[tuple[int, str]]
@@ -118,6 +119,7 @@ class HybridPlant(ABC):
         self._boolean = frozenset(port.name for port in sensors if port.kind == "bool")
         self._watched = tuple(self._resolutions)
         self._event_ns = self._change_ns = -1
+        self._entry: Any = None
         self.reset()
 
     # What a plant supplies
@@ -305,7 +307,7 @@ class HybridPlant(ABC):
         t_ns, lines = self._t_ns, self._lines
         ends = [(guard.first_ns(lines, t_ns), guard.name) for guard in self._guards()]
         ends += [(timer.t_ns, timer.name) for timer in self._timers()]
-        self._ends = ends
+        self._mode_ends = ends
         self._mode_end_ns = min(ends)[0] if ends else NEVER_NS
 
     def _run_events_until(self, t_ns: int) -> None:
@@ -319,7 +321,7 @@ class HybridPlant(ABC):
     def _step(self) -> None:
         """Go to the end of the present mode and into the next."""
         t_ns = self._t_ns = self._mode_end_ns
-        self._enter_mode(frozenset(name for end_ns, name in self._ends if end_ns <= t_ns))
+        self._enter_mode(frozenset(name for end_ns, name in self._mode_ends if end_ns <= t_ns))
 
     # Readings
 
@@ -375,9 +377,10 @@ class HybridPlant(ABC):
         return _Moment(
             self._t_ns,
             dict(self._lines),
+            self._entry,
             self.memory.copy(),
             len(self.log),
-            self._ends,
+            self._mode_ends,
             self._mode_end_ns,
             dict(self._counts),
             dict(self._values),
@@ -387,8 +390,9 @@ class HybridPlant(ABC):
 
     def _put_back(self, moment: _Moment) -> None:
         self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
+        self._entry = moment.entry
         del self.log[moment.log_length :]
-        self._ends, self._mode_end_ns = moment.ends, moment.mode_end_ns
+        self._mode_ends, self._mode_end_ns = moment.ends, moment.mode_end_ns
         self._counts, self._values = moment.counts, moment.values
         self._changes = moment.changes
         self._change_ns = moment.change_ns

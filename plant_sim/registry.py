@@ -16,6 +16,7 @@ from plant_sim.contract import Plant
 
 PLANTS: dict[str, str] = {
     "batch_plant": "plant_sim.batch_plant:BatchPlant",
+    "evaporator": "plant_sim.evaporator:Evaporator",
 }
 """Registered name -> "package.module:Class"; imported only when asked for."""
 

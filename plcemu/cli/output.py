@@ -8,6 +8,7 @@ import logging
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,6 +16,7 @@ from rich.table import Table
 
 from plcemu.base.spans import Diagnostic
 from plcemu.base.time import DurationError, parse_duration_ns
+from plcemu.runtime.scenario import Scenario, load_scenario, parse_fault
 
 LIMITED = 20
 """Warnings that `run` and `simulate` show before the rest is only counted."""
@@ -56,6 +58,27 @@ def add_set_argument(parser: argparse.ArgumentParser) -> None:
                         metavar="NAME=VALUE",
                         help="override a key of the configuration, such as load=3 or "
                         "plant.time_scale=100; may be given several times")
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add --scenario and --fault, which the commands with a plant share."""
+    parser.add_argument("--scenario", action="append", default=[], dest="scenarios",
+                        metavar="FILE", type=Path,
+                        help="faults and tag writes at set instants (docs/scenarios.md); may be "
+                        "given several times")
+    parser.add_argument("--fault", action="append", default=[], dest="faults", metavar="TEXT",
+                        help="a fault of the plant, such as 'V8 stuck at 100s' or 'B3 leak 0.02 "
+                        "at 5min until 10min'; may be given several times")
+
+
+def scenario_of(arguments: argparse.Namespace) -> Scenario:
+    """Return what the scenario arguments say.
+
+    Raises:
+        ConfigError: a file or fault is wrong.
+    """
+    parts = [load_scenario(path) for path in arguments.scenarios]
+    return sum([*parts, *(parse_fault(text) for text in arguments.faults)], Scenario())
 
 
 def duration(text: str) -> int:

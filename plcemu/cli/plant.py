@@ -10,11 +10,19 @@ from pathlib import Path
 
 from hil.modbus_plant import ModbusPlant
 from plcemu.base.errors import ConfigError
-from plcemu.cli.output import add_set_argument, duration, print_json, set_up_logging
+from plcemu.cli.output import (
+    add_scenario_arguments,
+    add_set_argument,
+    duration,
+    print_json,
+    scenario_of,
+    set_up_logging,
+)
 from plcemu.modbus.errors import UnmappedError
 from plcemu.runtime.config import Config, load_config
 from plcemu.runtime.remote_plant import RemotePlant, StateFile
-from plcemu.runtime.system import make_coupling, make_map
+from plcemu.runtime.scenario import refuse_tags
+from plcemu.runtime.system import configured_scenario, make_coupling, make_map
 
 NAME = "plant"
 HELP = "the soft plant alone, as a Modbus client of any PLC"
@@ -33,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("config", metavar="CONFIG",
                         help="a configuration file, or a folder with config.yaml")
     add_set_argument(parser)
+    add_scenario_arguments(parser)
     parser.add_argument("--connect", required=True, metavar="HOST:PORT", type=_address,
                         help="the PLC's Modbus TCP server")
     parser.add_argument("--unit", type=_unit, default=1, metavar="N",
@@ -81,7 +90,9 @@ def _prepare(config: Config, arguments: argparse.Namespace) -> RemotePlant:
     host, port = arguments.connect
     where = f"{host}:{port}/{arguments.unit}"
     state = StateFile.of(config, where, arguments.state)
-    coupling = make_coupling(config)
+    scenario = configured_scenario(config) + scenario_of(arguments)
+    coupling = make_coupling(config, scenario)
+    refuse_tags(scenario, coupling.plant)
     try:
         link = ModbusPlant(coupling, make_map(config), host, port, arguments.unit)
     except UnmappedError as problem:

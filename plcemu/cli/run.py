@@ -9,10 +9,12 @@ import sys
 from plcemu.cli.live import LiveView
 from plcemu.cli.output import (
     add_config_arguments,
+    add_scenario_arguments,
     duration,
     failed,
     print_json,
     print_report,
+    scenario_of,
     set_up_logging,
     show_warnings,
 )
@@ -34,6 +36,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     add_config_arguments(parser)
+    add_scenario_arguments(parser)
     parser.add_argument("--for", dest="duration", metavar="DURATION", type=duration,
                         help="stop after this much of the PLC's time")
     parser.add_argument("--no-plant", action="store_true",
@@ -46,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run until stopped, and return 1 if a property was violated or the program faulted."""
     system = System(load_config(arguments.config, arguments.overrides),
-                    with_plant=not arguments.no_plant)
+                    with_plant=not arguments.no_plant, scenario=scenario_of(arguments))
     live = sys.stderr.isatty() and not arguments.json and not arguments.no_live
     set_up_logging(arguments.verbose)
     show_warnings(system.warnings)

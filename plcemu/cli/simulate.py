@@ -13,21 +13,25 @@ from plcemu.base.trace import Trace
 from plcemu.base.tracefile import FORMATS, save
 from plcemu.cli.output import (
     add_config_arguments,
+    add_scenario_arguments,
     console,
     duration,
     failed,
     print_json,
     print_report,
+    scenario_of,
     show_warnings,
 )
 from plcemu.runtime.config import load_config
+from plcemu.runtime.plot import check_plot, panels_of, save_plot
 from plcemu.runtime.report import save_report
 from plcemu.runtime.system import System
 
 NAME = "simulate"
 HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
-EPILOG = """example:
-  plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd"""
+EPILOG = """examples:
+  plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd
+  plcemu simulate il_programs/batch_plant --fault 'V8 stuck at 100s' --until 4000s"""
 
 LAPS_SHOWN = 100
 """Laps between two looks at the progress bar, which cost more than a lap."""
@@ -36,26 +40,34 @@ LAPS_SHOWN = 100
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     add_config_arguments(parser)
+    add_scenario_arguments(parser)
+    parser.add_argument("--no-plant", action="store_true",
+                        help="run the PLC alone; inputs come from a scenario only")
     parser.add_argument("--until", required=True, metavar="DURATION", type=duration,
                         help="how long to run, in the PLC's time, such as 10h or 3600s")
     parser.add_argument("--trace", metavar="FILE", type=Path,
                         help="write every change to a file: .vcd, .csv or .jsonl")
     parser.add_argument("--report", metavar="FILE.html", type=Path,
                         help="write a page with verdicts and a chart of the run")
+    parser.add_argument("--plot", metavar="FILE", type=Path,
+                        help="draw curves over time: .svg, .pdf or .png; which, says 'plot:' in "
+                        "the configuration (needs the extra 'plot')")
     parser.add_argument("--dense", action="store_true",
                         help="execute every scan, also those that cannot change anything")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Simulate, and return 1 if a property is violated or the program faults."""
-    _check_files(arguments.trace, arguments.report)
-    system = System(load_config(arguments.config, arguments.overrides))
+    _check_files(arguments.trace, arguments.report, arguments.plot)
+    system = System(load_config(arguments.config, arguments.overrides),
+                    with_plant=not arguments.no_plant, scenario=scenario_of(arguments))
     if not arguments.json:
         show_warnings(system.warnings)
     trace = None
-    if arguments.trace is not None or arguments.report is not None:
+    if any((arguments.trace, arguments.report, arguments.plot)):
         trace = Trace(system.cycle.tags)
         system.cycle.observers.append(trace)
+    panels = panels_of(Trace(system.cycle.tags), system.config.plot)
     _run(system, arguments.until, arguments.dense)
     report = system.report()
     if trace is not None:
@@ -64,6 +76,8 @@ def execute(arguments: argparse.Namespace) -> int:
             save(trace, arguments.trace)
         if arguments.report is not None:
             save_report(report, trace, arguments.report)
+        if arguments.plot is not None:
+            save_plot(trace, panels or panels_of(trace, {}), arguments.plot, system.config.name)
     if arguments.json:
         print_json(report)
     else:
@@ -71,12 +85,14 @@ def execute(arguments: argparse.Namespace) -> int:
     return 1 if failed(report) else 0
 
 
-def _check_files(trace: Path | None, report: Path | None) -> None:
+def _check_files(trace: Path | None, report: Path | None, plot: Path | None) -> None:
     """Refuse at once what could not be written after a long run."""
+    if plot is not None:
+        check_plot(plot)
     if trace is not None and trace.suffix.lower() not in FORMATS:
         raise PlcemuError(f"--trace {trace}: found the ending {trace.suffix!r}, expected one of "
                           f"{', '.join(FORMATS)}")
-    for path in (trace, report):
+    for path in (trace, report, plot):
         if path is not None and (path.is_dir() or not path.parent.is_dir()):
             raise PlcemuError(f"{path}: cannot be written: it is a folder, or in no folder")
 

@@ -172,8 +172,7 @@ class Resource:
             self.engine.advance_clocks(elapsed)
         for state in self._tasks:
             if state.releases.is_due(t_ns):
-                state.ran = self._is_wanted(state)
-                if state.ran:
+                if self._is_wanted(state):
                     run(state, t_ns)
                 else:
                     state.quiet = state.still = True
@@ -302,10 +301,10 @@ class Resource:
 
     def passed_over(self, first_ns: int, before_ns: int) -> None:
         """Count the runs in [first, before) that were not made because they change nothing."""
-        if self.state is State.RUN:
-            for state in self._tasks:
-                if state.ran and not state.looks_for_event:
-                    state.statistics.scans += state.releases.count(first_ns, before_ns)
+        for state in self._tasks if self.state is State.RUN else ():
+            event = state.event
+            if event is None or not (state.looks_for_event or self.memory.block[event.trigger]):
+                state.statistics.scans += state.releases.count(first_ns, before_ns)
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""

@@ -27,7 +27,6 @@ class TaskState:
         looks_for_event: whether a rising edge is what lets it run.
         quiet: its next run would change nothing but elapsed times, as the last one did.
         still: its next run would change nothing at all.
-        ran: whether it ran at its last release.
     """
 
     task: Task
@@ -37,7 +36,6 @@ class TaskState:
     looks_for_event: bool = False
     quiet: bool = False
     still: bool = False
-    ran: bool = False
 
     @property
     def event(self) -> Event | None:

@@ -61,6 +61,17 @@ class TagAccess:
         else:
             self._queue(*Point(name, address).image_write(int.from_bytes(data, "little")))
 
+    def check(self, name: str, value: Value) -> str:
+        """Try a write without making it; return the address written, or an empty text.
+
+        Raises:
+            UnknownNameError: neither a tag nor an address.
+            ValueTypeError: the value does not fit the type.
+        """
+        address, row, _ = self._find(name)
+        self._pack(name, row, value)
+        return str(address) if address is not None else ""
+
     def _queue(self, area: str, offset: int, data: bytes, mask: bytes | None) -> None:
         if not self._exchange.waiting:
             self._waiting.clear()

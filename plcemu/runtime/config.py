@@ -6,7 +6,7 @@ Paths in a file are relative to that file. `extends` takes another configuration
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -22,6 +22,7 @@ from pydantic import (
     field_validator,
 )
 
+from plant_sim.devices import SAMPLE_NS, Device
 from plant_sim.registry import load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
@@ -194,11 +195,29 @@ def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
 
+class DeviceSection(Section):
+    """How a sensor or actuator is imperfect by nature."""
+
+    noise: float = Field(0.0, ge=0)
+    sample: PositiveDuration = SAMPLE_NS
+    resolution: float = Field(0.0, ge=0)
+    delay: Duration = 0
+    drift: float = 0.0
+    travel: Duration = 0
+
+    def device(self) -> Device:
+        """Return the device as the plant side knows it."""
+        return Device(self.noise, self.sample, self.resolution, self.delay, self.drift, self.travel)
+
+
 class PlantSection(Section):
     """The soft plant and its wiring."""
 
     model: str
     parameters: dict[str, Any] = {}
+    seed: int = 0
+    devices: dict[str, DeviceSection] = {}
+    scenario: str | None = None
     time_scale: Factor = Fraction(1)
     inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
     outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
@@ -242,6 +261,7 @@ class Config(Section):
     realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
     properties: Texts = []
+    plot: dict[str, Texts] = {}
     verify: VerifySection = VerifySection()
 
     _file: str = PrivateAttr("configuration")
@@ -310,7 +330,7 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
     try:
         config = Config.model_validate(values)
     except ValidationError as problems:
-        raise ConfigError([_problem(str(file), places, p) for p in problems.errors()]) from None
+        raise ConfigError([problem_text(str(file), places, p) for p in problems.errors()]) from None
     config._file, config._places = str(file), places
     return config
 
@@ -327,6 +347,7 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         if isinstance(section, dict) and isinstance(section.get(key), str | list):
             section[key] = [str(file.parent / p) if isinstance(p, str) else p
                             for p in _as_list(section[key])]
+    _place_plant(values.get("plant"), file.parent)
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -343,6 +364,17 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         raise ConfigError([f"{where}: extends goes deeper than {_EXTENDS_LIMIT} files"])
     base_values, base_places = _read(base_file, extended)
     return _merged(base_values, values), {**base_places, **places}
+
+
+def _place_plant(plant: Any, folder: Path) -> None:
+    """Let the files of a plant's section be relative to the configuration's folder."""
+    if not isinstance(plant, dict):
+        return
+    model, scenario = plant.get("model"), plant.get("scenario")
+    if isinstance(model, str) and (model.endswith(".py") or ".py:" in model):
+        plant["model"] = str(folder / model)
+    if isinstance(scenario, str):
+        plant["scenario"] = str(folder / scenario)
 
 
 def _as_list(value: Any) -> list[Any]:
@@ -387,7 +419,7 @@ def _is_point(path: Sequence[str], value: object) -> bool:
     return path[0] == "plant" and path[-1] == "scale" and isinstance(value, str)
 
 
-_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"))
+_FREE_KEYS = (("safe_outputs",), ("plant", "inputs"), ("plant", "outputs"), ("plant", "devices"))
 """Sections whose keys are the user's names, which may hold dots."""
 
 
@@ -402,7 +434,8 @@ def _resolve(values: Mapping[str, Any], name: str) -> list[str]:
     for free in _FREE_KEYS:
         rest = parts[len(free):]
         if tuple(parts[:len(free)]) == free and rest:
-            ending = rest[-1:] if rest[-1] in PointSection.model_fields and len(free) > 1 else []
+            keys = _SECTIONS[(*free, "*")].model_fields if len(free) > 1 else ()
+            ending = rest[-1:] if rest[-1] in keys else []
             return [*free, ".".join(rest[:len(rest) - len(ending)]), *ending]
     return parts
 
@@ -435,7 +468,16 @@ def plant_parameters(model: str) -> list[str]:
 # ---------------------------------------------------------------- mistakes
 
 
-def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
+def problem_text(file: str, places: Mapping[KeyPath, str], error: Any,
+                 known: Callable[[KeyPath], Iterable[str]] | None = None) -> str:
+    """Return one line on a mistake that pydantic found: place, key, found, expected.
+
+    Args:
+        file: that was read.
+        places: of its keys.
+        error: as pydantic describes it.
+        known: the keys that may stand where one of this path stands.
+    """
     location: KeyPath = tuple(str(p) for p in error["loc"] if p != "[key]")
     where, path = _place(file, places, location), ".".join(location)
     if error["type"] == "invalid_key":
@@ -443,8 +485,8 @@ def _problem(file: str, places: Mapping[KeyPath, str], error: Any) -> str:
     if error["type"] == "missing":
         return f"{where}: {path} is missing"
     if error["type"] == "extra_forbidden":
-        known = _known_keys(location)
-        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], known)}"
+        keys = (known or _known_keys)(location)
+        return f"{where}: there is no key {path!r}{did_you_mean(location[-1], keys)}"
     return f"{where}: {path}: found {_shown(error['input'])}, expected {_expected(error)}"
 
 
@@ -480,6 +522,7 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("plant",): PlantSection,
     ("plant", "inputs", "*"): InputSection,
     ("plant", "outputs", "*"): OutputSection,
+    ("plant", "devices", "*"): DeviceSection,
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,
     ("verify", "limits"): LimitsSection,

@@ -30,6 +30,18 @@ from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.status import CycleCounters, Source, StateTags, TaskTags, VerdictTags
 
 
+class Stimulus(Protocol):
+    """Writes from outside at set instants; `played` of them have been made."""
+
+    played: int
+
+    def before_scan(self, t_ns: int) -> None:
+        """Queue what is due at a lap."""
+
+    def next_event_ns(self) -> int | None:
+        """Return when the next write is due, if there is one."""
+
+
 class Recorder(Protocol):
     """Who is asked before and after every lap; it only looks."""
 
@@ -49,6 +61,7 @@ class Checkpoint:
         shown: what the last frame told: memory, then the other tags by source; None before it.
         counters: the attributes of the counters that are numbers.
         scans: how many each task has made.
+        played: how many steps of the scenario have been played.
         suite: the monitors.
     """
 
@@ -59,6 +72,7 @@ class Checkpoint:
     resource: ResourceCheckpoint
     exchange: ExchangeCheckpoint
     plant: PlantCheckpoint | None
+    played: int
     suite: Suite
 
 
@@ -76,6 +90,7 @@ class Cycle:
         PlcemuError: two tags have one name.
 
     Attributes:
+        player: of a scenario, or None.
         t_ns: the next release.
         now_ns: how far the run has come.
         scan_number: of the next scan.
@@ -89,6 +104,7 @@ class Cycle:
         self.resource = resource
         self.exchange = exchange
         self.plant = plant
+        self.player: Stimulus | None = None
         self.counters = CycleCounters()
         self.t_ns = resource.first_release_ns(0)
         self.now_ns = 0
@@ -179,6 +195,8 @@ class Cycle:
             self.recorder.before_lap()
         if self.plant is not None:
             self.plant.before_scan(t_ns)
+        if self.player is not None:
+            self.player.before_scan(t_ns)
         if self.exchange.waiting:
             self.resource.inputs_changed()
         self.exchange.update_inputs()
@@ -241,7 +259,8 @@ class Cycle:
             (self.t_ns, self.now_ns, self.scan_number), shown, self.counters.numbers(),
             tuple(each.scans for each in self.resource.statistics), self.resource.checkpoint(),
             self.exchange.checkpoint(),
-            self.plant.checkpoint() if self.plant is not None else None, self.suite.copy())
+            self.plant.checkpoint() if self.plant is not None else None,
+            self.player.played if self.player is not None else 0, self.suite.copy())
 
     def return_to(self, point: Checkpoint) -> None:
         """Take up a checkpoint of an equal cycle; writes that wait are forgotten."""
@@ -250,6 +269,8 @@ class Cycle:
         self.exchange.return_to(point.exchange)
         if self.plant is not None and point.plant is not None:
             self.plant.return_to(point.plant)
+        if self.player is not None:
+            self.player.played = point.played
         for name, number in point.counters.items():
             setattr(self.counters, name, number)
         for each, scans in zip(self.resource.statistics, point.scans, strict=True):
@@ -285,7 +306,8 @@ class Cycle:
                              or not resource.is_quiet(but_for_elapsed=True)):
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),
-                 self.plant.next_event_ns() if self.plant is not None else None]
+                 self.plant.next_event_ns() if self.plant is not None else None,
+                 self.player.next_event_ns() if self.player is not None else None]
         target = resource.first_release_ns(min(w for w in wakes if w is not None))
         if target >= limit_ns:
             target = resource.last_release_ns(limit_ns)
@@ -293,10 +315,14 @@ class Cycle:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
             skipped = resource.releases_between(self.t_ns, target)
-            resource.passed_over(self.t_ns, target)
             self.counters.skipped += skipped
-            self.scan_number += skipped
-            self.now_ns = self.t_ns = target
+            self.pass_over(target, self.scan_number + skipped)
+
+    def pass_over(self, t_ns: int, scan_number: int) -> None:
+        """Move to a later release without executing those before it, which would change nothing."""
+        self.resource.passed_over(self.t_ns, t_ns)
+        self.now_ns = self.t_ns = t_ns
+        self.scan_number = scan_number
 
     # ------------------------------------------------------------ running
 

@@ -273,7 +273,7 @@ def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
             continue
         if number >= before_scan:
             return
-        cycle.t_ns, cycle.scan_number = t_ns, number
+        cycle.pass_over(t_ns, number)
         for write in writes:
             port = ports.setdefault(write.port, cycle.exchange.port(write.port))
             port.write(*write[1:])
@@ -290,7 +290,7 @@ def _pass_over(cycle: Cycle, scan: int) -> None:
     else:
         for _ in range(missing):
             t_ns = resource.first_release_ns(t_ns + 1)
-    cycle.t_ns, cycle.scan_number = t_ns, scan
+    cycle.pass_over(t_ns, scan)
     cycle.finish(t_ns)
 
 

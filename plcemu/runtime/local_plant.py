@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
 from hil.coupling import Coupling
+from plant_sim.contract import PortValue
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.io.exchange import Exchange
@@ -48,14 +49,19 @@ class LocalPlant:
         self._exchange = exchange
         self._port = exchange.port(self.PORT)
         self._written: list[int | None] = [None] * len(coupling.inputs)
+        self._spans = _spans(coupling.outputs)
+        self._shown: list[bytes] | None = None
         plant = coupling.plant
         wired = {p.name for p in coupling.inputs}
-        self._sensors = [p for p in plant.ports if p.direction == "sensor" and p.name in wired]
+        sensors = [p for p in plant.ports if p.direction == "sensor" and p.name in wired]
         self.tags = [Tag(f"plant.{p.name}", _TYPES[p.kind], p.unit, comment=p.description)
-                     for p in self._sensors]
+                     for p in sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
-        self._values: list[Value] = self._read()
+        self._sensor_names = [p.name for p in sensors]
+        self._fact_names = [f.name for f in plant.facts]
+        self._values: list[Value] = []
+        self._read()
         self._event_ns = coupling.next_event_ns()
 
     def values(self) -> list[Value]:
@@ -75,21 +81,29 @@ class LocalPlant:
         if self._event_ns is not None and t_ns >= self._event_ns:
             self._refresh()
         elif self._written[:1] == [None]:
-            self._write()
+            self._write(self.coupling.sense())
 
     def after_scan(self) -> None:
         """Let the plant follow the published outputs; note a take-over by a client."""
         if self.stepped_aside:
             return
+        if self._exchange.writers and self._is_taken_over():
+            return
+        published = self._exchange.published
+        shown = [published(*span) for span in self._spans]
+        if shown != self._shown:
+            self._shown = shown
+            if self.coupling.take_outputs(self._published(self.coupling.outputs)):
+                self._refresh()
+
+    def _is_taken_over(self) -> bool:
         others = self._exchange.writers - {self.PORT}
         if others and self._published(self.coupling.inputs) != self._written:
             self.stepped_aside = True
             self._event_ns = None
             _LOG.warning("%s writes the plant's inputs: the plant in this process steps aside",
                          ", ".join(sorted(others)))
-            return
-        if self.coupling.take_outputs(self._published(self.coupling.outputs)):
-            self._refresh()
+        return self.stepped_aside
 
     def checkpoint(self) -> Checkpoint:
         """Return the whole state, the writes that wait for the next scan with it."""
@@ -101,6 +115,7 @@ class LocalPlant:
         self.coupling.return_to(point.coupling)
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
         self._written, self._values = list(point.written), list(point.values)
+        self._shown = None
         for write in point.pending:
             self._port.write(*write)
 
@@ -112,18 +127,32 @@ class LocalPlant:
         return self._event_ns
 
     def _refresh(self) -> None:
-        self._values = self._read()
-        self._write()
+        self._write(self._read())
         self._event_ns = self.coupling.next_event_ns()
 
-    def _write(self) -> None:
-        for n, (point, raw) in enumerate(zip(self.coupling.inputs, self.coupling.give_inputs(),
-                                             strict=True)):
-            if raw != self._written[n]:
-                self._written[n] = raw
-                self._port.write(*point.image_write(raw))
+    def _write(self, sensed: Mapping[str, PortValue]) -> None:
+        raw = self.coupling.give_inputs(sensed)
+        if raw == self._written:
+            return
+        for n, (point, now) in enumerate(zip(self.coupling.inputs, raw, strict=True)):
+            if now != self._written[n]:
+                self._written[n] = now
+                self._port.write(*point.image_write(now))
 
-    def _read(self) -> list[Value]:
-        plant = self.coupling.plant
-        sensed, facts = plant.sense(), plant.observe()
-        return [*(sensed[p.name] for p in self._sensors), *(facts[f.name] for f in plant.facts)]
+    def _read(self) -> Mapping[str, PortValue]:
+        """Bring the tags' values up to date; return the readings among them."""
+        sensed, facts = self.coupling.sense(), self.coupling.plant.observe()
+        values: list[Value] = [*map(sensed.__getitem__, self._sensor_names),
+                               *map(facts.__getitem__, self._fact_names)]
+        if values != self._values:
+            self._values = values
+        return sensed
+
+
+def _spans(points: Sequence[Point]) -> list[tuple[str, int, int]]:
+    """Return the stretches of the areas, (area, offset, bytes), in which points stand."""
+    spans: dict[str, tuple[int, int]] = {}
+    for area, offset, n in (point.image_place() for point in points):
+        low, high = spans.get(area, (offset, offset + n))
+        spans[area] = min(low, offset), max(high, offset + n)
+    return [(area, low, high - low) for area, (low, high) in spans.items()]

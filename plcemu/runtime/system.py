@@ -12,6 +12,7 @@ from hil.coupling import Coupling, CouplingError, points
 from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
+from plant_sim.rig import Rig
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
@@ -34,10 +35,11 @@ from plcemu.modbus import (
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
-from plcemu.runtime.config import Config, PointSection, TaskSection
+from plcemu.runtime.config import Config, PlantSection, PointSection, TaskSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
+from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
 
 
 class System:
@@ -53,13 +55,15 @@ class System:
     Args:
         config: the configuration.
         with_plant: whether the configured plant runs in this process.
+        scenario: what comes from outside, besides the scenario of the configuration.
 
     Raises:
         CompileError: the program or a property is wrong.
         ConfigError: the plant, its wiring, a task or an output does not exist.
     """
 
-    def __init__(self, config: Config, with_plant: bool = True) -> None:
+    def __init__(self, config: Config, with_plant: bool = True,
+                 scenario: Scenario = Scenario()) -> None:  # noqa: B008
         self.config = config
         program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                                   single_firing=config.sipn_single_firing)
@@ -67,7 +71,8 @@ class System:
         self.resource = make_resource(config, program)
         self.exchange: Exchange = make_exchange(self.resource)
         self._map = make_map(config)
-        plant = LocalPlant(make_coupling(config), self.exchange) if config.plant else None
+        scenario = configured_scenario(config) + scenario
+        plant = LocalPlant(make_coupling(config, scenario), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
         self.properties = _load_properties(config)
         self.not_judged: list[str] = []
@@ -82,6 +87,15 @@ class System:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
+        if scenario:
+            self.cycle.player = self._player(scenario)
+
+    def _player(self, scenario: Scenario) -> Player:
+        if self.plant is None:
+            return Player(scenario, self.resource, self.exchange)
+        coupling = self.plant.coupling
+        driven = {str(point.address): point.name for point in coupling.inputs}
+        return Player(scenario, self.resource, self.exchange, coupling.plant, driven)
 
     def _speaks_of(self, facts: TagTable, entry: Property) -> bool:
         """Whether a property names a fact of the plant, which is not known without the plant."""
@@ -232,15 +246,38 @@ def make_map(config: Config) -> AddressMap:
         raise config.mistake(("modbus", "ranges"), problem) from None
 
 
-def make_plant(config: Config) -> Plant:
-    """Return the configured plant.
+def configured_scenario(config: Config) -> Scenario:
+    """Return the scenario that a configuration names, or an empty one.
 
     Raises:
-        ConfigError: there is no such plant or parameter, or a value does not fit.
+        ConfigError: the file is wrong.
+    """
+    if config.plant is None or config.plant.scenario is None:
+        return Scenario()
+    return load_scenario(config.plant.scenario)
+
+
+def make_plant(config: Config, scenario: Scenario = Scenario()) -> Plant:  # noqa: B008
+    """Return the configured plant with its devices, and the faults of a scenario to come.
+
+    Raises:
+        ConfigError: there is no such plant, parameter, port or fault, or a value does not fit.
     """
     section = config.plant
     if section is None:
         raise config.mistake(("plant",), "is missing")
+    plant = _load_plant(config, section)
+    injections = injections_of(scenario, plant, section.time_scale)
+    if not (section.devices or injections):
+        return plant
+    devices = {name: device.device() for name, device in section.devices.items()}
+    try:
+        return Rig(plant, devices, injections, section.seed)
+    except ValueError as problem:
+        raise config.mistake(("plant", "devices"), problem) from None
+
+
+def _load_plant(config: Config, section: PlantSection) -> Plant:
     try:
         return load(section.model, section.parameters)
     except PlantLoadError as problem:
@@ -253,13 +290,13 @@ def make_plant(config: Config) -> Plant:
                              f"{problem}") from problem
 
 
-def make_coupling(config: Config) -> Coupling:
-    """Return the configured plant with its wiring.
+def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
+    """Return the configured plant with its wiring, and the faults of a scenario to come.
 
     Raises:
         ConfigError: the plant or its wiring does not exist.
     """
-    plant = make_plant(config)
+    plant = make_plant(config, scenario)
     section = config.plant
     assert section is not None
     ports = plant.ports

@@ -28,6 +28,20 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     Raises:
         ConfigError: the file cannot be read, is no YAML, or is no mapping.
     """
+    value, lines = read_yaml_value(path)
+    if value is None:
+        raise ConfigError([f"{path}: is empty; write at least 'program: FILE'"])
+    if not isinstance(value, dict):
+        raise ConfigError([f"{path}:1: found a {_kind(value)}, expected keys and values"])
+    return value, lines
+
+
+def read_yaml_value(path: Path) -> tuple[Any, dict[KeyPath, int]]:
+    """Return a file's value of any kind, and the line (from 1) on which each key path stands.
+
+    Raises:
+        ConfigError: the file cannot be read, or is no YAML.
+    """
     try:
         if path.stat().st_size > SIZE_LIMIT:
             raise ConfigError([f"{path}: larger than {SIZE_LIMIT} bytes, the limit"])
@@ -43,10 +57,6 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         value = loader.construct_document(node) if node is not None else None
     except (yaml.YAMLError, ValueError, RecursionError) as problem:
         raise ConfigError([_yaml_problem(path, problem)]) from None
-    if value is None:
-        raise ConfigError([f"{path}: is empty; write at least 'program: FILE'"])
-    if not isinstance(value, dict):
-        raise ConfigError([f"{path}:1: found a {_kind(value)}, expected keys and values"])
     return value, lines
 
 
