@@ -85,6 +85,7 @@ class BatchAbstraction:
             contents = tuple(tanks.get(tank, "empty") for tank in NAMES)
             self._names.setdefault(State(contents, (), ORDER), name)
         self._readings: dict[tuple[str, str, str], dict[str, float]] = {}
+        self._sensed: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, PortValue]] = {}
         self._wanted: dict[tuple[tuple[str, PortValue], ...], set[str]] = {}
 
     def initial(self) -> Iterator[State]:
@@ -99,11 +100,14 @@ class BatchAbstraction:
 
     def sense(self, state: State) -> dict[str, PortValue]:
         """Levels and temperatures; in transition half-way between before and after."""
-        busy = {tank: row.process for row in state.running if not row.ended
-                for tank in PROCESSES[row.process].changes}
-        seen: dict[str, PortValue] = {}
-        for tank, content in zip(NAMES, state.tanks, strict=True):
-            seen.update(self._reading(tank, content, busy.get(tank, "")))
+        open_ = tuple([row.process for row in state.running if not row.ended])
+        key = (state.tanks, open_)
+        seen = self._sensed.get(key)
+        if seen is None:
+            busy = {tank: name for name in open_ for tank in PROCESSES[name].changes}
+            seen = self._sensed[key] = {}
+            for tank, content in zip(NAMES, state.tanks, strict=True):
+                seen.update(self._reading(tank, content, busy.get(tank, "")))
         return seen
 
     def _reading(self, tank: str, content: str, process: str) -> dict[str, float]:

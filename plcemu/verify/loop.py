@@ -135,9 +135,11 @@ class ClosedLoop:
         """Bits of the watched formulas that held in any scan so far."""
         program = machine.resource.program
         self._places = [(p, place_of(program, p)) for p in self.outputs]
+        self._raw: dict[tuple[int, Any], bytes] = {}
+        self._names = [p.name for p in self.inputs]
         self._hull = _hull(self._places)
         self._views: dict[Hashable, _View] = {}
-        self._raw: dict[tuple[int, Any], bytes] = {}
+        self._images: dict[tuple[Any, ...], tuple[list[bytes], list[tuple[slice, bytes]]]] = {}
         self._values: dict[bytes, dict[str, Any]] = {}
         self._watched_mask = mask_of(len(machine.initial), watched)
         self._holding: dict[tuple[int, tuple[Value, ...]], int] = {}
@@ -249,18 +251,20 @@ class ClosedLoop:
         found = self._views.get(plant)
         if found is None:
             sensed, facts = self.plant.sense(plant), self.plant.observe(plant)
-            raw = [self._raw_of(n, sensed[p.name]) for n, p in enumerate(self.inputs)]
-            found = self._views[plant] = _View(
-                plant, raw, self.machine.image(raw), tuple(facts[f.name] for f in self.plant.facts))
+            key = tuple([sensed[name] for name in self._names])
+            if key not in self._images:
+                raw = [self._raw_of(n, value) for n, value in enumerate(key)]
+                self._images[key] = raw, self.machine.image(raw)
+            found = self._views[plant] = _View(plant, *self._images[key],
+                                               tuple([facts[f.name] for f in self.plant.facts]))
         return found
 
     def _raw_of(self, number: int, value: Any) -> bytes:
         """Return a reading as the raw bytes of its input."""
-        key = (number, value)
-        raw = self._raw.get(key)
+        raw = self._raw.get((number, value))
         if raw is None:
             point = self.inputs[number]
-            raw = self._raw[key] = point.to_raw(value).to_bytes(point.width, "little")
+            raw = self._raw[number, value] = point.to_raw(value).to_bytes(point.width, "little")
         return raw
 
     def _follow(self, view: _View, outputs: bytes) -> _View:
