@@ -51,6 +51,14 @@ def test_the_thirty_loads_are_nine_whole_ones_and_halves_of_either_kind() -> Non
     assert len(loads) == len(set(loads)) == 30
 
 
+@pytest.mark.parametrize(("load", "verdict"), [("load=2", "holds"), ("load=7.5", "violated")])
+def test_a_standstill_is_a_deadlock(tmp_path: Any, load: str, verdict: str) -> None:
+    (tmp_path / "more.prop").write_text("moves: AG EX TRUE", encoding="utf-8")
+    proof = proved(load, f"verify.properties={tmp_path / 'more.prop'}", names=["moves"])["moves"]
+    assert proof.finding.verdict == verdict
+    assert (proof.path is not None) == (verdict == "violated")
+
+
 Amounts = tuple[int, int]
 """Units of solution and of water."""
 
