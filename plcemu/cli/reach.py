@@ -19,7 +19,7 @@ from plcemu.cli.output import add_config_arguments, console, print_json
 from plcemu.runtime.config import ConfigText
 from plcemu.runtime.reach import Found, Question, study, within
 from plcemu.runtime.reach_plot import Curve, save_plot
-from plcemu.runtime.vary import parse_variation
+from plcemu.runtime.variation import parse_variation
 
 HELP = "exact reachable intervals of the hybrid model under the compiled program"
 EPILOG = """examples:

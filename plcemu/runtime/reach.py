@@ -17,7 +17,7 @@ from plcemu.base.errors import ConfigError, PlcemuError
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import Config, ConfigText
 from plcemu.runtime.system import make_coupling, make_plant, make_resource
-from plcemu.runtime.vary import Variation
+from plcemu.runtime.variation import Variation, VariationError
 from plcemu.verify.controller import ProgramController
 from plcemu.verify.hybrid import Cyclic, Reached, reach
 from plcemu.verify.polyhedra import Bounds
@@ -151,6 +151,9 @@ def study(text: ConfigText, overrides: Sequence[str], variation: Variation,
         PlcemuError: as `Question` does, for any value.
     """
     count = len(variation.values)
+    if variation.is_range:
+        raise VariationError(f"{variation.name}=...", "found a range to draw from, expected a list "
+                             "or a grid with a step")
     if jobs <= 1 or count <= FEW:
         question = Question(text, overrides, objective)
         answers: Iterator[Found] = (question.at(v, variation.name) for v in variation.values)

@@ -10,7 +10,7 @@ from typing import Literal
 
 from plcemu.base.errors import PlcemuError
 from plcemu.runtime.reach import Found
-from plcemu.runtime.vary import magnitude
+from plcemu.runtime.variation import magnitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,21 +46,25 @@ def save_plot(file: Path, curve: Curve, answers: Sequence[Found]) -> None:
         raise PlcemuError("pictures need matplotlib: pip install 'plcemu[plot]'") from None
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.add_subplot()
-    scale, unit = (1e3, " [ms]") if magnitude(answers[0].value)[1] == "s" else (1.0, "")
+    unit = magnitude(curve.parameter, answers[0].value)[1]
+    scale = 1e3 if unit == "s" else 1.0
+
+    def x_of(answer: Found) -> float:
+        return magnitude(curve.parameter, answer.value)[0] * scale
     if curve.show == "interval":
-        rows = [(magnitude(a.value)[0] * scale, float(p.low), float(p.high)) for a in answers
+        rows = [(x_of(a), float(p.low), float(p.high)) for a in answers
                 for p in a.pieces if p.low is not None and p.high is not None]
         axes.vlines([x for x, _, _ in rows], [y for _, y, _ in rows], [y for _, _, y in rows],
                     linewidth=max(0.3, 400 / max(1, len(answers))))
         axes.set_ylabel(f"{curve.objective} [{curve.unit}]")
     else:
-        points = [(magnitude(a.value)[0] * scale, float(a.range)) for a in answers
+        points = [(x_of(a), float(a.range)) for a in answers
                   if a.range is not None]
         axes.plot([x for x, _ in points], [y for _, y in points], linewidth=0.8)
         if curve.limit is not None:
             axes.axhline(float(curve.limit), linestyle="--", linewidth=0.8, color="tab:red")
         axes.set_ylabel(f"range of {curve.objective} [{curve.unit}]")
-    axes.set_xlabel(curve.parameter + unit)
+    axes.set_xlabel(curve.parameter + (" [ms]" if unit == "s" else f" [{unit}]" if unit else ""))
     axes.set_title(curve.title)
     axes.grid(linewidth=0.3)
     try:

@@ -60,7 +60,8 @@ class ProgramController:
         known = self._known.get((state, read))
         if known is None:
             assert isinstance(state, bytes)
-            after = self._machine.scan(state, [bytes((bit,)) for bit in read])
+            image = self._machine.image([bytes((bit,)) for bit in read])
+            after = self._machine.reduced(self._machine.scan(state, image))
             outputs = tuple((name, at is not None and bool(after[at])) for name, at in self._places)
             known = self._known[state, read] = after, outputs
         return known
