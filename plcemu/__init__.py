@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from plcemu.base.errors import CompileError, PlcemuError
     from plcemu.base.trace import Frame, Trace
     from plcemu.monitor.suite import Monitor
+    from plcemu.runtime.debugger import Debugger
     from plcemu.runtime.plc import Plc, compile
 
 __version__ = "0.1.0"
@@ -25,11 +26,12 @@ _HOMES = {
     "CompileError": "plcemu.base.errors", "PlcemuError": "plcemu.base.errors",
     "Frame": "plcemu.base.trace", "Trace": "plcemu.base.trace",
     "Monitor": "plcemu.monitor.suite",
+    "Debugger": "plcemu.runtime.debugger",
     "Plc": "plcemu.runtime.plc", "compile": "plcemu.runtime.plc",
 }
 
-__all__ = ["CompileError", "Frame", "Monitor", "Plc", "PlcemuError", "Trace", "__version__",
-           "compile"]
+__all__ = ["CompileError", "Debugger", "Frame", "Monitor", "Plc", "PlcemuError", "Trace",
+           "__version__", "compile"]
 
 
 def __getattr__(name: str) -> Any:

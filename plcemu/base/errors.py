@@ -51,6 +51,16 @@ class ProgramFault(PlcemuError):
         at = f" at {place}" if place else ""
         super().__init__(f"{reason}{where}{at} (task {task or '-'}, t = {t_ns / 1e9:.3f} s)")
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both tell the same: an executed scan that is executed again faults equally."""
+        return isinstance(other, ProgramFault) and self._said() == other._said()
+
+    def __hash__(self) -> int:
+        return hash(self._said())
+
+    def _said(self) -> tuple[object, ...]:
+        return self.reason, self.task, self.pou, self.place, self.t_ns
+
 
 class LimitError(PlcemuError):
     """A stated limit was reached; the text names the limit and how to raise it."""

@@ -35,11 +35,16 @@ class TagTable:
         self._full: dict[str, int] = {}
         self._short: dict[str, list[int]] = {}
         self._address: dict[str, int] = {}
+        self._giving_way: set[int] = set()
         for tag in tags:
             self.add(tag)
 
-    def add(self, tag: Tag) -> int:
+    def add(self, tag: Tag, gives_way: bool = False) -> int:
         """Append a tag and return its index.
+
+        Args:
+            tag: the tag.
+            gives_way: whether it answers to an ending of its name only if no other tag does.
 
         Raises:
             ValueError: a tag of that full name is there already.
@@ -53,6 +58,8 @@ class TagTable:
         parts = key.split(".")
         for i in range(1, len(parts)):
             self._short.setdefault(".".join(parts[i:]), []).append(index)
+        if gives_way:
+            self._giving_way.add(index)
         if tag.address:
             self._address.setdefault(tag.address.casefold(), index)
         return index
@@ -61,7 +68,8 @@ class TagTable:
         """Return the index of the tag with this full name, address, or ending of a name.
 
         Of several tags whose names end so, the one with the fewest parts is meant: `q` is the
-        program's own variable rather than the output of a timer in it.
+        program's own variable rather than the output of a timer in it. Tags that give way are meant
+        only if there are no others.
 
         Raises:
             UnknownNameError: no tag answers to the name, or several do.
@@ -83,6 +91,7 @@ class TagTable:
         raise UnknownNameError("tag", name, [t.name for t in self._tags] + list(self._short))
 
     def _outermost(self, matches: list[int]) -> list[int]:
+        matches = [i for i in matches if i not in self._giving_way] or matches
         parts = [self._tags[i].name.count(".") for i in matches]
         return [i for i, n in zip(matches, parts, strict=True) if n == min(parts)]
 

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from plcemu import __version__
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError
-from plcemu.cli import check, monitor, plant, run, simulate, verify
+from plcemu.cli import check, debug, monitor, plant, run, simulate, verify
 from plcemu.cli.output import print_json
 
-COMMANDS = (check, run, simulate, plant, monitor, verify)
+COMMANDS = (check, run, simulate, plant, monitor, verify, debug)
 """Each has `NAME`, `HELP`, `add_arguments(parser)` and `execute(arguments) -> exit code`."""
 
 HOLDS, FAILED, WRONG_USE = 0, 1, 2

@@ -25,7 +25,7 @@ OUTSIDE = "an address outside memory"
 
 _END = -1
 
-_OUTSIDE_ERRORS = (struct.error, IndexError, BufferError)
+OUTSIDE_ERRORS = (struct.error, IndexError, BufferError)
 
 _STRUCTS = {machine: struct.Struct("<" + code) for machine, code in STRUCT_CODES.items()}
 
@@ -90,7 +90,7 @@ class Interpreter:
                 pc = steps[pc](stack, local, this)
         except Fault as fault:
             _stop(str(fault), function, before)
-        except _OUTSIDE_ERRORS:
+        except OUTSIDE_ERRORS:
             _stop(OUTSIDE, function, before)
 
     def _steps(self, function: Function) -> list[Step]:

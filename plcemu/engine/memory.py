@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable, Sequence
+
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
 from plcemu.base.types import ElementaryType, StringType, Value, type_of
 from plcemu.ir.program import Block, Layout
+
+_CLOCK = struct.Struct("<qq")
 
 
 class Memory:
@@ -26,9 +31,17 @@ class Memory:
         self.tags = TagTable(slot.tag for slot in layout.slots)
         self._slots: list[tuple[int, ElementaryType | StringType]] = [
             (slot.offset, type_of(slot.tag.type)) for slot in layout.slots]
-        idle = {clock.offset for clock in layout.clocks if not clock.observed}
-        self._owner = self._owners(idle)
-        self._shown = bytes(self.block)
+        self._readers = [(_reader(row), offset) for offset, row in self._slots]
+        self._idle = [clock.offset for clock in layout.clocks if not clock.observed]
+        self._read = [clock for clock in layout.clocks if clock.observed]
+        self._passing = [offset for clock in self._read if clock.expiry is not None
+                         for offset in (clock.offset, clock.expiry.copy)]
+        copies = {clock.expiry.copy for clock in self._read if clock.expiry is not None}
+        self.elapsed_tags = frozenset(
+            i for i, (offset, _) in enumerate(self._slots) if offset in copies)
+        """The tags that show elapsed times which the program does not read."""
+        self._owner = self._owners(set(self._idle))
+        self._shown = _without(bytes(self.block), self._idle)
 
     def _owners(self, idle: set[int]) -> dict[int, list[int]]:
         """Map each byte to the tags it belongs to; clocks that nothing reads change unseen."""
@@ -69,19 +82,21 @@ class Memory:
 
     def values(self) -> tuple[Change, ...]:
         """Return all tags with their values, as in the first frame of a trace."""
-        self._shown = bytes(self.block)
+        self._shown = _without(bytes(self.block), self._idle)
         return tuple((i, row.unpack(self.block, offset))
                      for i, (offset, row) in enumerate(self._slots))
 
     def changes(self) -> tuple[Change, ...]:
         """Return the tags that changed since the last call (or `values`), with their values."""
-        now = bytes(self.block)
+        now = _without(bytes(self.block), self._idle)
         if now == self._shown:
             return ()
-        found = {tag for byte in differing_bytes(self._shown, now)
-                 for tag in self._owner.get(byte, ())}
+        owner, readers = self._owner, self._readers
+        found = {tag for byte in differing_bytes(self._shown, now) if byte in owner
+                 for tag in owner[byte]}
         self._shown = now
-        return tuple((i, self.read(i)) for i in sorted(found))
+        changed = [(i, *readers[i]) for i in sorted(found)]
+        return tuple([(i, unpack(now, offset)[0]) for i, unpack, offset in changed])
 
     @property
     def shown(self) -> bytes:
@@ -92,13 +107,60 @@ class Memory:
     def shown(self, block: bytes) -> None:
         self._shown = block
 
+    def time_matters_in_ns(self) -> int | None:
+        """Return how much time may pass before that alone can change what a scan does.
+
+        None is any time: no clock cell runs that the program reads. 0 is none: it reads one that
+        runs. In between, of all that run it can only see that they expire.
+        """
+        soonest = None
+        for clock in self._read:
+            elapsed, limit = _CLOCK.unpack_from(self.block, clock.offset)
+            if elapsed < limit:
+                if clock.expiry is None or self.block[clock.expiry.varied]:
+                    return 0
+                if soonest is None or limit - elapsed < soonest:
+                    soonest = limit - elapsed
+        return soonest
+
+    def differ_in_elapsed_only(self, before: bytes, after: bytes) -> bool:
+        """Whether two images differ at most in elapsed times of which only the expiry is seen."""
+        return bool(self._passing) and \
+            _without(before, self._passing) == _without(after, self._passing)
+
+
+def _reader(row: ElementaryType | StringType) -> Callable[[bytes, int], tuple[Value]]:
+    """Return what unpacks a type's value from a block, as a tuple of one."""
+    if isinstance(row, StringType):
+        return lambda data, offset: (row.unpack(data, offset),)
+    unpack: Callable[[bytes, int], tuple[Value]] = struct.Struct("<" + row.code).unpack_from
+    return unpack
+
+
+_NOTHING = bytes(8)
+
+
+def _without(image: bytes, cells: Sequence[int]) -> bytes:
+    """Return an image with zeros in the 64-bit cells at these offsets."""
+    if not cells:
+        return image
+    blank = bytearray(image)
+    for offset in cells:
+        blank[offset:offset + 8] = _NOTHING
+    return bytes(blank)
+
 
 def differing_bytes(before: bytes, after: bytes) -> list[int]:
-    """Return the offsets at which two blocks of equal length differ."""
+    """Return the offsets at which two blocks of equal length differ.
+
+    Whole chunks are compared at once, and of those that differ smaller ones.
+    """
     found: list[int] = []
-    chunk = 64
-    for start in range(0, len(after), chunk):
-        a, b = before[start:start + chunk], after[start:start + chunk]
-        if a != b:
-            found.extend(start + i for i, (x, y) in enumerate(zip(a, b, strict=True)) if x != y)
+    for large in range(0, len(after), 256):
+        if before[large:large + 256] != after[large:large + 256]:
+            for start in range(large, min(large + 256, len(after)), 16):
+                a, b = before[start:start + 16], after[start:start + 16]
+                if a != b:
+                    found += [i for i, (x, y) in enumerate(zip(a, b, strict=True), start)
+                              if x != y]
     return found

@@ -1,21 +1,24 @@
 """The resource: one PLC's processor with its tasks, its state and its safe outputs.
 
-Knows no clock: it is told the instant of each release and runs what is due.
+Knows no clock: it is told the instant of each release and runs what is due. Who wants to know how
+long tasks take hands it one to read.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from plcemu.base.areas import SIZES
 from plcemu.base.errors import PlcemuError, ProgramFault
+from plcemu.base.time import format_duration
 from plcemu.base.types import Value
 from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.memory import Memory
+from plcemu.engine.releases import count_any
+from plcemu.engine.tasks import TaskState, prepare
 from plcemu.ir.program import Program, Task
 
 
@@ -25,6 +28,10 @@ class State(enum.Enum):
     RUN = "RUN"
     STOP = "STOP"
     FAULT = "FAULT"
+
+
+Probe = Callable[[Task, Code], None]
+"""Runs a task's code in its own way; raises `ProgramFault`."""
 
 
 class Checkpoint(NamedTuple):
@@ -43,21 +50,6 @@ class Checkpoint(NamedTuple):
     last_ns: int | None
 
 
-@dataclass(slots=True)
-class _TaskState:
-    """A task as it runs: its instances' code, and whether its last scan changed nothing.
-
-    A task with an event and an interval has two of these: one that looks for the event, and one
-    that is periodic while the trigger is FALSE.
-    """
-
-    task: Task
-    interval_ns: int
-    code: Code
-    looks_for_event: bool = False
-    quiet: bool = False
-
-
 class Resource:
     """Runs a program's tasks on one memory block.
 
@@ -67,11 +59,11 @@ class Resource:
         engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
-        budget: instructions that jumps backwards may cost in one run of a task.
+        budget: of tasks that name none: instructions that jumps backwards may cost in one run.
 
     Raises:
-        PlcemuError: an unknown engine, an interval that is not positive, a task of no program, a
-            safe output that is no tag or whose value does not fit it.
+        PlcemuError: an unknown engine, an interval that is not positive, a task of no program, two
+            tasks of one name, a safe output that is no tag or whose value does not fit it.
     """
 
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
@@ -82,30 +74,16 @@ class Resource:
         self.memory = Memory(program.layout, self.engine.block)
         self.state = State.RUN
         self.fault: ProgramFault | None = None
-        self._tasks = self._prepare(program, tasks or program.tasks, cycle_ns)
+        self._tasks = prepare(program, tasks or program.tasks, cycle_ns, self.engine, budget)
+        self.tasks = list(dict.fromkeys(state.task for state in self._tasks))
+        """The tasks, the most urgent first."""
+        self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
+        """What is measured of each of `tasks`, in their order."""
         self._safe = self._safe_places(safe_outputs or {})
+        self.probe: Probe | None = None
+        """Who is asked to run the tasks instead, such as a debugger; None for nobody."""
         self._last_ns: int | None = None
         self._left = bytes(self.memory.block)
-
-    def _prepare(self, program: Program, tasks: Sequence[Task], cycle_ns: int) -> list[_TaskState]:
-        prepared = []
-        for task in sorted(tasks, key=lambda t: t.priority):
-            interval = task.interval_ns or cycle_ns
-            if min(interval, cycle_ns if task.event else interval) <= 0 or task.phase_ns < 0:
-                raise PlcemuError(f"task {task.name}: the interval must be positive, the phase "
-                                  "not negative")
-            try:
-                instances = [program.instance(name) for name in task.programs]
-            except KeyError as missing:
-                known = ", ".join(i.name for i in program.instances)
-                raise PlcemuError(f"task {task.name}: there is no program {missing}; "
-                                  f"there is {known}") from None
-            code = self.engine.prepare([(i.function, i.base) for i in instances])
-            if task.event:
-                prepared.append(_TaskState(task, cycle_ns, code, looks_for_event=True))
-            if task.interval_ns or not task.event:
-                prepared.append(_TaskState(task, interval, code))
-        return prepared
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
         """Return what to write into memory for safe outputs: zeros, then the configured values."""
@@ -122,78 +100,90 @@ class Resource:
 
     # ------------------------------------------------------------ state
 
-    def cold_start(self) -> None:
-        """Set memory to its initial values and go to RUN."""
-        self.memory.cold_start()
-        self.fault, self.state = None, State.RUN
-        self._wake()
-
     def stop(self) -> None:
-        """Go to STOP: nothing runs, outputs take their safe values."""
+        """Go to STOP, from FAULT too: nothing runs, outputs take their safe values."""
         self.state = State.STOP
         self._make_safe()
 
     def resume(self) -> None:
-        """Go to RUN with memory as it is (a warm start)."""
+        """Go to RUN with memory as it is; no time has passed for its clock cells meanwhile."""
         self.fault, self.state = None, State.RUN
         self._wake()
+
+    def restart(self, cold: bool) -> None:
+        """Go to RUN from the beginning; the next scan is a first scan (IEC 61131-3, 2.4.2).
+
+        In a cold restart every variable gets its initial value; in a warm one the retained
+        variables keep theirs. Inputs stay what the world last made them.
+        """
+        layout, block = self.memory.layout, self.memory.block
+        kept = [(e.offset, e.count * SIZES[e.area[1]]) for e in layout.extents if e.area[0] == "I"]
+        kept += [(each.offset, each.size) for each in layout.retained if not cold]
+        values = [bytes(block[offset:offset + size]) for offset, size in kept]
+        self.memory.cold_start()
+        for (offset, size), value in zip(kept, values, strict=True):
+            block[offset:offset + size] = value
+        self._last_ns = None
+        self.resume()
 
     def _make_safe(self) -> None:
         for offset, data in self._safe:
             self.memory.block[offset:offset + len(data)] = data
 
-    # ------------------------------------------------------------ scan
-
-    @property
-    def tasks(self) -> list[Task]:
-        """The tasks, the most urgent first."""
-        return list(dict.fromkeys(state.task for state in self._tasks))
+    # ------------------------------------------------------------ releases
 
     def is_due(self, t_ns: int) -> bool:
         """Whether any task is released at an instant."""
-        return any(_is_due(state, t_ns) for state in self._tasks)
+        return any(state.releases.is_due(t_ns) for state in self._tasks)
 
     def first_release_ns(self, not_before_ns: int) -> int:
         """Return the first instant, not before another, at which a task is released."""
-        return min(_first_release(state, not_before_ns) for state in self._tasks)
+        return min(state.releases.first(not_before_ns) for state in self._tasks)
 
     def last_release_ns(self, before_ns: int) -> int:
         """Return the last instant before another at which a task is released; -1 if none is."""
-        return max(_last_release(state, before_ns) for state in self._tasks)
+        return max(state.releases.last(before_ns) for state in self._tasks)
 
     def releases_between(self, first_ns: int, before_ns: int) -> int:
         """Return how many instants in [first, before) release a task."""
-        if len(self._tasks) == 1:
-            state = self._tasks[0]
-            return _count_before(state, before_ns) - _count_before(state, first_ns)
-        count, t_ns = 0, self.first_release_ns(first_ns)
-        while t_ns < before_ns:
-            count, t_ns = count + 1, self.first_release_ns(t_ns + 1)
-        return count
+        return count_any((state.releases for state in self._tasks), first_ns, before_ns)
 
-    def scan(self, t_ns: int) -> None:
-        """Let time pass up to an instant, then run the tasks released at it, by priority."""
+    # ------------------------------------------------------------ scan
+
+    def scan(self, t_ns: int, now_ns: Callable[[], int] | None = None) -> None:
+        """Let time pass up to an instant, then run the tasks released at it, by priority.
+
+        Args:
+            t_ns: the instant.
+            now_ns: a clock by which executions are measured, in real time; None measures nothing
+                and notes instead whether the scans to come can matter.
+        """
         elapsed = 0 if self._last_ns is None else max(0, t_ns - self._last_ns)
         self._last_ns = t_ns
         if self.state is not State.RUN:
             self._make_safe()
             return
-        if bytes(self.memory.block) != self._left or (elapsed and self.engine.clocks_run()):
+        run = self._run_compared if now_ns is None else self._run_measured(now_ns)
+        if now_ns is not None or bytes(self.memory.block) != self._left:
             self._wake()
         if elapsed:
+            if now_ns is None:
+                self._expect(elapsed)
             self.engine.advance_clocks(elapsed)
         for state in self._tasks:
-            if not _is_due(state, t_ns):
-                continue
-            if not self._is_wanted(state):
-                state.quiet = True
-            elif not self._run(state, t_ns):
-                break
-        self._left = bytes(self.memory.block)
+            if state.releases.is_due(t_ns):
+                if self._is_wanted(state):
+                    run(state, t_ns)
+                else:
+                    state.quiet = state.still = True
+                if self.state is not State.RUN:
+                    break
+        if now_ns is None:
+            self._left = bytes(self.memory.block)
 
-    def _is_wanted(self, state: _TaskState) -> bool:
+    def _is_wanted(self, state: TaskState) -> bool:
         """Whether a task is to run at its release: always, unless it has an event (table 50)."""
-        event = state.task.event
+        event = state.event
         if event is None:
             return True
         block = self.memory.block
@@ -205,36 +195,116 @@ class Resource:
             self._wake()
         return trigger > before
 
-    def _run(self, state: _TaskState, t_ns: int) -> bool:
-        before = bytes(self.memory.block)
+    def _run(self, state: TaskState, t_ns: int) -> None:
+        state.statistics.scans += 1
         try:
-            state.code.run()
+            if self.probe is None:
+                state.code.run()
+            else:
+                self.probe(state.task, state.code)
         except ProgramFault as fault:
-            self.fault = ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
-                                      place=fault.place, t_ns=t_ns)
-            self.state = State.FAULT
-            self._make_safe()
-            return False
-        if bytes(self.memory.block) != before:
-            self._wake()
-        else:
-            state.quiet = True
-        return True
+            self._fail(ProgramFault(fault.reason, task=state.task.name, pou=fault.pou,
+                                    place=fault.place, t_ns=t_ns))
+
+    def _run_measured(self, now_ns: Callable[[], int]) -> Callable[[TaskState, int], None]:
+        def run(state: TaskState, t_ns: int) -> None:
+            begin = now_ns()
+            self._run(state, t_ns)
+            took = now_ns() - begin
+            state.statistics.lateness.add(begin - t_ns)
+            state.statistics.execution.add(took)
+            self._watch(state.task, took, t_ns)
+        return run
+
+    def _watch(self, task: Task, took_ns: int, t_ns: int) -> None:
+        """End in FAULT what took longer than the task's watchdog allows."""
+        if 0 < task.watchdog_ns < took_ns and self.state is State.RUN:
+            self._fail(ProgramFault(
+                f"the task took {format_duration(took_ns)}, its watchdog allows "
+                f"{format_duration(task.watchdog_ns)}", task=task.name, t_ns=t_ns))
+
+    def _fail(self, fault: ProgramFault) -> None:
+        self.fault, self.state = fault, State.FAULT
+        self._make_safe()
+
+    # ------------------------------------------------------------ scans that cannot matter
+
+    def _time_matters_in_ns(self) -> int | None:
+        """Return how much time may pass before that alone can change what a scan does."""
+        return self.memory.time_matters_in_ns() if self.engine.clocks_run() else None
+
+    def _expect(self, elapsed_ns: int) -> None:
+        """Wake the tasks if so much time can change what they do."""
+        within = self._time_matters_in_ns()
+        if within is not None:
+            for state in self._tasks:
+                state.still = False
+                state.quiet = state.quiet and elapsed_ns < within
+
+    def _run_compared(self, state: TaskState, t_ns: int) -> None:
+        """Run a task; note whether that changed anything, and whether more than elapsed times."""
+        before = bytes(self.memory.block)
+        self._run(state, t_ns)
+        after = bytes(self.memory.block)
+        if after == before:
+            state.quiet = state.still = True
+            return
+        only_elapsed = self.memory.differ_in_elapsed_only(before, after)
+        for each in self._tasks:
+            each.still = False
+            each.quiet = each.quiet and only_elapsed
+        state.quiet = only_elapsed
 
     def _wake(self) -> None:
         for state in self._tasks:
-            state.quiet = False
+            state.quiet = state.still = False
 
-    def is_quiet(self) -> bool:
+    def is_quiet(self, but_for_elapsed: bool = False) -> bool:
         """Whether scans at later releases would change nothing while the inputs stay as they are.
 
         So it is when every task's last scan changed no byte, nobody else has changed one since,
         and no clock that the program reads runs. In STOP and FAULT nothing runs.
+
+        Args:
+            but_for_elapsed: leave elapsed times that the program does not read aside: clocks of
+                which it sees only the expiry may run; they matter at `matters_again_ns`.
         """
         if self.state is not State.RUN:
             return True
-        return all(state.quiet for state in self._tasks) \
-            and bytes(self.memory.block) == self._left and not self.engine.clocks_run()
+        if bytes(self.memory.block) != self._left:
+            return False
+        if but_for_elapsed:
+            return all(s.quiet for s in self._tasks) and self._time_matters_in_ns() != 0
+        return all(s.still for s in self._tasks) and self._time_matters_in_ns() is None
+
+    def matters_again_ns(self) -> int | None:
+        """Return when the passing of time alone changes what scans do; None for never."""
+        within = self._time_matters_in_ns() if self.state is State.RUN else None
+        return None if within is None or self._last_ns is None else self._last_ns + within
+
+    def last_of_each_ns(self, first_ns: int, before_ns: int) -> int:
+        """Return the first of the tasks' last releases in [first, before), or `before`.
+
+        Who passes over scans that only show elapsed times stops there, so that each task has shown
+        what it would have shown last.
+        """
+        lasts = (state.releases.last(before_ns) for state in self._tasks)
+        return min((t for t in lasts if t >= first_ns), default=before_ns)
+
+    def missed(self, first_ns: int, before_ns: int) -> None:
+        """Count the releases in [first, before), which an overrun let pass, for each task."""
+        for task, statistics in zip(self.tasks, self.statistics, strict=True):
+            lost = count_any((s.releases for s in self._tasks if s.task is task), first_ns,
+                             before_ns)
+            statistics.missed += lost
+            statistics.overruns += lost > 0
+
+    def passed_over(self, first_ns: int, before_ns: int) -> None:
+        """Count the runs in [first, before) that were not made because they change nothing."""
+        for state in self._tasks if self.state is State.RUN else ():
+            event = state.event
+            if event is None or not (state.looks_for_event or self.memory.block[event.trigger]):
+                state.statistics.scans += state.releases.count(first_ns, before_ns)
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""
@@ -258,25 +328,3 @@ class Resource:
         """Set the whole state and go to RUN; raises `ValueError` for another program's image."""
         self.memory.restore(image)
         self.resume()
-
-
-def _is_due(state: _TaskState, t_ns: int) -> bool:
-    since = t_ns - state.task.phase_ns
-    return since >= 0 and since % state.interval_ns == 0
-
-
-def _first_release(state: _TaskState, not_before_ns: int) -> int:
-    since = max(0, not_before_ns - state.task.phase_ns)
-    return state.task.phase_ns + -(-since // state.interval_ns) * state.interval_ns
-
-
-def _last_release(state: _TaskState, before_ns: int) -> int:
-    since = before_ns - 1 - state.task.phase_ns
-    return state.task.phase_ns + since // state.interval_ns * state.interval_ns if since >= 0 \
-        else -1
-
-
-def _count_before(state: _TaskState, t_ns: int) -> int:
-    """Return how many releases of a task lie before an instant."""
-    since = t_ns - state.task.phase_ns
-    return max(0, -(-since // state.interval_ns))

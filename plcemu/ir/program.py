@@ -53,6 +53,23 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
+class Expiry:
+    """What of a clock cell the program sees: only that `elapsed` has reached `limit`.
+
+    So it is with a timer whose ET no text reads: until the cell expires, scans that change nothing
+    else only copy the elapsed time.
+
+    Attributes:
+        copy: offset of the elapsed time's copy, ET.
+        varied: offset of a BOOL that is TRUE if the limit changed while the cell ran; then the
+            program may have compared with another limit than the one that stands there.
+    """
+
+    copy: int
+    varied: int
+
+
+@dataclass(frozen=True, slots=True)
 class ClockCell:
     """An elapsed time in memory: two 64-bit integers, `elapsed` and then `limit`, in ns.
 
@@ -62,10 +79,12 @@ class ClockCell:
     Attributes:
         offset: of `elapsed` in the memory block.
         observed: whether the program reads it, so that its running can matter.
+        expiry: of an observed cell, if its expiry is all that can matter; else None.
     """
 
     offset: int
     observed: bool
+    expiry: Expiry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +168,10 @@ class Task:
     own cycle. An event is looked for at phase + k · the resource's cycle, and its rising edge
     releases the task once; with an interval besides, the task is also periodic while the trigger is
     FALSE.
+
+    A run is stopped when its jumps backwards have cost more than `budget` instructions; 0 means the
+    resource's budget. A run that took longer than `watchdog_ns` by the clock ends in FAULT after
+    it; 0 means that none is too long.
     """
 
     name: str
@@ -157,6 +180,8 @@ class Task:
     phase_ns: int = 0
     programs: tuple[str, ...] = ()
     event: Event | None = None
+    budget: int = 0
+    watchdog_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,7 @@ def print_program(program: Program) -> str:
     lines += [f"; extent {e.area} {e.first} +{e.count} at {e.offset}"
               for e in program.layout.extents]
     lines += [f"; clock at {c.offset}{' observed' if c.observed else ''}"
+              f"{f' copied to {c.expiry.copy}' if c.expiry else ''}"
               for c in program.layout.clocks]
     lines += [f"; tag {s.tag.name} {s.tag.type} at {s.offset} {s.tag.address}".rstrip()
               for s in program.layout.slots]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from plcemu.base.areas import Address
 from plcemu.base.tags import Tag
 from plcemu.base.types import ElementaryType, StringType
-from plcemu.ir.program import ClockCell, Layout, Retained, Slot
+from plcemu.ir.program import ClockCell, Expiry, Layout, Retained, Slot
 from plcemu.lang.frames import Functions
 from plcemu.lang.image import Image
 from plcemu.lang.located import leaf_address
@@ -15,8 +15,10 @@ from plcemu.lang.planning import Planned
 from plcemu.lang.scope import Scope
 from plcemu.lang.scopes import Declarations
 from plcemu.lang.types import (
+    CLOCK,
     TYPE_OF_SIZE,
     BlockType,
+    Clock,
     EnumType,
     SubrangeType,
     Type,
@@ -28,8 +30,11 @@ from plcemu.lang.types import (
 
 
 def assemble(declarations: Declarations, instances: list[Planned], image: Image,
-             plan: Functions, addresses: list[Address]) -> Layout:
-    """Return the layout of memory: initial values, tags, extents and clocks."""
+             plan: Functions, addresses: list[Address], is_et_read: bool) -> Layout:
+    """Return the layout of memory: initial values, tags, extents and clocks.
+
+    `is_et_read` is whether any text reads the elapsed time of a timer.
+    """
     initial = bytearray(plan.end)
     slots: list[Slot] = []
     found: list[ClockCell] = []
@@ -46,8 +51,7 @@ def assemble(declarations: Declarations, instances: list[Planned], image: Image,
         retained += [Retained(name, scope.type.name, base, scope.type.size)] if name in whole \
             else _retained(scope, name, base)
         slots += _variable_slots(scope.type, name, base)
-        found += [ClockCell(offset, _is_observed(holder))
-                  for offset, holder in clocks(scope.type, base)]
+        found += [_cell(clock, is_et_read) for clock in clocks(scope.type, base)]
     slots += _direct_slots([scope for _, scope, _ in placed], addresses, image,
                            {slot.tag.address for slot in slots})
     for offset, data in plan.initial:
@@ -109,5 +113,10 @@ def _direct_slots(scopes: list[Scope], addresses: list[Address], image: Image,
             for a in unnamed if str(a) not in named]
 
 
-def _is_observed(holder: BlockType) -> bool:
-    return holder.kind == "CLOCK" or holder.name.endswith("observed")
+def _cell(clock: Clock, is_et_read: bool) -> ClockCell:
+    if clock.holder is not CLOCK:
+        return ClockCell(clock.offset, clock.holder.name.endswith("observed"))
+    if clock.copy is None or is_et_read:
+        return ClockCell(clock.offset, True)
+    return ClockCell(clock.offset, True,
+                     Expiry(clock.copy, clock.offset + CLOCK.fields["VARIED"].offset))

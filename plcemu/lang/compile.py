@@ -90,7 +90,9 @@ def compile_program(source: str | Path | Iterable[str | Path], *,
                   functions, report)
     for function in functions.values():
         check_function(function, functions)
-    layout = assemble(declarations, instances, image, plan, addresses)
+    # The word is enough: no text can read a timer's ET without it.
+    is_et_read = any(token.upper == "ET" for each in tokens for token in each)
+    layout = assemble(declarations, instances, image, plan, addresses, is_et_read)
     used = reachable(functions, [i.function for i in placed])
     return Program({n: f for n, f in functions.items() if n in used}, layout, placed, tasks,
                    report.sorted())

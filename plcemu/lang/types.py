@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from plcemu.base.types import ELEMENTARY, ElementaryType, StringType, Value
 
@@ -277,17 +277,35 @@ def retained_fields(of: Type, name: str, offset: int) -> Iterator[tuple[str, int
                 yield from retained_fields(each.type, f"{name}.{each.name}", offset + each.offset)
 
 
-def clocks(of: Type, offset: int) -> Iterator[tuple[int, BlockType]]:
-    """Yield (offset, holder) of every clock cell in a variable."""
+def clocks(of: Type, offset: int,
+           timer: tuple[BlockType, int] | None = None) -> Iterator[Clock]:
+    """Yield every clock cell in a variable; `timer` is the block around it and its offset."""
     if isinstance(of, ArrayType):
         if any(True for _ in clocks(of.element, 0)):
             for n in range(of.count):
                 yield from clocks(of.element, offset + n * of.stride)
     elif isinstance(of, BlockType):
-        if of.kind in ("CLOCK", "STEP"):
-            yield offset + of.fields["ELAPSED" if of.kind == "CLOCK" else "T"].offset, of
+        if of.kind == "STEP":
+            yield Clock(offset + of.fields["T"].offset, of)
+        elif of is CLOCK:
+            copy = timer[1] + timer[0].fields["ET"].offset \
+                if timer is not None and timer[0].name.upper().startswith(TIMERS) else None
+            yield Clock(offset, of, copy)
         for each in of.fields.values():
-            yield from clocks(each.type, offset + each.offset)
+            yield from clocks(each.type, offset + each.offset, (of, offset))
+
+
+class Clock(NamedTuple):
+    """A clock cell: where it stands, the type that holds it, and where a timer copies it (ET)."""
+
+    offset: int
+    holder: BlockType
+    copy: int | None = None
+
+
+TIMERS = ("TON", "TOF", "TP")
+"""The blocks that compare the elapsed time of their cell with its limit and otherwise only copy it
+to ET (library/timers.st)."""
 
 
 def _cell(name: str, kind: str, elapsed: str, limit: str) -> BlockType:
@@ -299,6 +317,8 @@ def _cell(name: str, kind: str, elapsed: str, limit: str) -> BlockType:
 
 CLOCK = _cell("__CLOCK", "CLOCK", "elapsed", "limit")
 """The clock cell (see `plcemu.ir.program.ClockCell`) as a type for the library's timers."""
+
+CLOCK.add("varied", BOOL)
 
 
 def step_type(observed: bool) -> BlockType:

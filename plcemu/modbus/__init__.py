@@ -10,14 +10,16 @@ guide").
 """
 
 from plcemu.modbus.errors import ListenError, ModbusException, ProtocolError, UnmappedError
-from plcemu.modbus.identity import RUN_OBJECT, Identity
+from plcemu.modbus.identity import FAULT_OBJECT, RUN_OBJECT, STATE_OBJECT, Identity
 from plcemu.modbus.map import DEFAULT_RANGES, AddressMap, MapRange, ObjectType, Place
 from plcemu.modbus.server import ModbusTcpServer
 from plcemu.modbus.unit import Unit
 
 __all__ = [
     "DEFAULT_RANGES",
+    "FAULT_OBJECT",
     "RUN_OBJECT",
+    "STATE_OBJECT",
     "AddressMap",
     "Identity",
     "ListenError",

@@ -59,7 +59,15 @@ class Host(Protocol):
         """Whether a connection is queued."""
 
 
-class Connection(asyncio.Protocol):
+READ_BYTES = 16_384
+"""The most that is read from a socket at once: over a thousand requests. A reading costs by this
+size, and near a release all connections together must cost little."""
+
+_BUFFER = memoryview(bytearray(READ_BYTES))
+"""Where every connection reads to: what came is taken out before the next one reads."""
+
+
+class Connection(asyncio.BufferedProtocol):
     """The transport's other half.
 
     Attributes:
@@ -93,6 +101,14 @@ class Connection(asyncio.Protocol):
             return
         self._unit = unit
         self._watch_idleness()
+
+    def get_buffer(self, sizehint: int) -> memoryview:
+        """Return where to read to."""
+        return _BUFFER
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Take what was read."""
+        self.data_received(bytes(_BUFFER[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
         """Answer what has come, unless the connection is ending."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 OBJECT_BYTES = 244
@@ -17,6 +17,12 @@ RUN_OBJECT = 0x80
 """The private object in which a server shows the run of the PLC behind it: another start, another
 text. So a client that was away can tell whether it meets the same run."""
 
+STATE_OBJECT = 0x81
+"""The private object that tells the state of the PLC now: RUN, STOP or FAULT."""
+
+FAULT_OBJECT = 0x82
+"""The private object that tells why the PLC is in FAULT; it is shown only then."""
+
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -25,7 +31,8 @@ class Identity:
     The first three are mandatory and always shown; another one that is empty is not shown.
 
     Attributes:
-        extended: private objects by id, 0x80 to 0xFF.
+        extended: private objects by id, 0x80 to 0xFF. One may be a function, which is asked for
+            the text of every answer; what is not ASCII in it becomes `?`, what is too long is cut.
 
     Raises:
         ValueError: a text is not ASCII or too long (`OBJECT_BYTES`), or an id is not private.
@@ -38,21 +45,34 @@ class Identity:
     product_name: str = ""
     model_name: str = ""
     application_name: str = ""
-    extended: Mapping[int, str] = field(default_factory=dict)
-    objects: Mapping[int, bytes] = field(init=False, repr=False, compare=False)
-    """The shown objects by id, in rising order."""
+    extended: Mapping[int, str | Callable[[], str]] = field(default_factory=dict)
+    _fixed: Mapping[int, bytes] = field(init=False, repr=False, compare=False)
+    _live: Mapping[int, Callable[[], str]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        texts = dict(enumerate((self.vendor, self.product_code, self.revision, self.url,
-                                self.product_name, self.model_name, self.application_name)))
-        for number in sorted(self.extended):
+        texts: dict[int, str] = dict(enumerate((
+            self.vendor, self.product_code, self.revision, self.url,
+            self.product_name, self.model_name, self.application_name)))
+        for number in self.extended:
             if number not in EXTENDED_OBJECTS:
                 raise ValueError(f"identification object {number:#04x} is not private; "
                                  "private ids go from 0x80 to 0xff")
-            texts[number] = self.extended[number]
-        shown = {number: _object(number, text) for number, text in texts.items()
+        live = {n: text for n, text in self.extended.items() if not isinstance(text, str)}
+        texts |= {n: text for n, text in self.extended.items() if isinstance(text, str)}
+        fixed = {number: _object(number, text) for number, text in sorted(texts.items())
                  if text or number in BASIC_OBJECTS}
-        object.__setattr__(self, "objects", shown)
+        object.__setattr__(self, "_fixed", fixed)
+        object.__setattr__(self, "_live", live)
+
+    @property
+    def objects(self) -> Mapping[int, bytes]:
+        """The objects shown now by id, in rising order."""
+        if not self._live:
+            return self._fixed
+        live = {n: text().encode("ascii", "replace")[:OBJECT_BYTES]
+                for n, text in self._live.items()}
+        shown = {**self._fixed, **{n: text for n, text in live.items() if text}}
+        return dict(sorted(shown.items()))
 
     @property
     def conformity_level(self) -> int:

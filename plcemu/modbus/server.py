@@ -26,8 +26,8 @@ COUNTERS = (
 """What is counted from the construction of a server on; `connections_open` is the number now."""
 
 LEAST_REQUESTS = 8
-"""Requests served between two scans however little time is left: a PLC that needs all its time for
-the scan must still be heard."""
+"""Requests served after a scan that left no time for any: a PLC that needs all its time for the
+scan must still be heard."""
 
 _HINTS = {
     errno.EADDRINUSE: "address already in use; another plcemu runs, or choose modbus.port",
@@ -80,7 +80,7 @@ class ModbusTcpServer:
         self._budget_left = budget
         self._clock = clock
         self._until_s: float | None = None
-        self._taken = 0
+        self._spare = 0
         self._alive: set[Connection] = set()
         self._connections: set[Connection] = set()
         """Those of `_alive` that hold one of the `max_connections` places."""
@@ -131,10 +131,11 @@ class ModbusTcpServer:
 
         Args:
             until_s: the time, by the server's clock, from which on requests wait for the next
-                scan; but `LEAST_REQUESTS` are always served. None for no bound.
+                scan; if it has passed already, `LEAST_REQUESTS` are served. None for no bound.
         """
         self._budget_left = self.budget
-        self._until_s, self._taken = until_s, 0
+        self._until_s = until_s
+        self._spare = LEAST_REQUESTS if until_s is not None and self._clock() >= until_s else 0
         self._plan_turn()
 
     def opened(self, connection: Connection) -> Unit | None:
@@ -176,7 +177,7 @@ class ModbusTcpServer:
         """Take one request out of the budget of this scan; False if it is used up."""
         if not self._may_serve():
             return False
-        self._taken += 1
+        self._spare -= 1
         if self._budget_left is not None:
             self._budget_left -= 1
         return True
@@ -184,8 +185,7 @@ class ModbusTcpServer:
     def _may_serve(self) -> bool:
         if self._budget_left == 0:
             return False
-        return self._until_s is None or self._taken < LEAST_REQUESTS \
-            or self._clock() < self._until_s
+        return self._until_s is None or self._spare > 0 or self._clock() < self._until_s
 
     def is_waiting(self, connection: Connection) -> bool:
         """Whether a connection is queued for a turn."""

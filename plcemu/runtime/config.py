@@ -27,6 +27,7 @@ from plant_sim.registry import load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
 from plcemu.base.time import DurationError, parse_duration_ns
+from plcemu.engine.interpreter import BUDGET
 from plcemu.runtime.yamltext import KeyPath, read_yaml
 
 FILE_NAME = "config.yaml"
@@ -94,6 +95,7 @@ Factor = Annotated[Fraction, BeforeValidator(_factor)]
 Texts = Annotated[list[str], BeforeValidator(_texts)]
 Number = Annotated[bool | int | float, BeforeValidator(_number)]
 Unit = Annotated[int, Field(ge=0, le=255)]
+Budget = Annotated[int, Field(ge=1, le=10**15)]
 
 
 class Section(BaseModel):
@@ -103,12 +105,18 @@ class Section(BaseModel):
 
 
 class TaskSection(Section):
-    """A periodic task: lower priority numbers run first."""
+    """A task: lower priority numbers run first.
 
-    interval: PositiveDuration
-    priority: int = Field(0, ge=0, le=65535)
-    phase: Duration = 0
-    programs: Texts
+    With programs it is a periodic task of its own. Without, it is the task of that name in the
+    program text, and what is given here takes the place of what is said there.
+    """
+
+    interval: PositiveDuration | None = None
+    priority: int | None = Field(None, ge=0, le=65535)
+    phase: Duration | None = None
+    programs: Texts | None = None
+    budget: Budget | None = None
+    watchdog: PositiveDuration | None = None
 
 
 class RangeSection(Section):
@@ -243,6 +251,8 @@ class Config(Section):
     cycle: PositiveDuration = 10_000_000
     engine: str = "auto"
     sfc_final_scan: bool = False
+    budget: Budget = BUDGET
+    watchdog: PositiveDuration | None = None
     sipn_single_firing: bool = False
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import Protocol
 
 from plcemu.base.errors import PlcemuError
-from plcemu.base.tags import Tag, TagTable
+from plcemu.base.tags import TagTable
 from plcemu.base.time import Clock
 from plcemu.base.trace import Change, Frame, Observer
 from plcemu.base.types import Value
@@ -23,20 +23,11 @@ from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Checkpoint as ExchangeCheckpoint
 from plcemu.io.exchange import Exchange
 from plcemu.monitor import Suite
+from plcemu.monitor.formula import tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
 from plcemu.runtime.local_plant import LocalPlant
-
-
-class Source(Protocol):
-    """Tags whose values do not stand in memory."""
-
-    @property
-    def tags(self) -> Sequence[Tag]:
-        """The tags, in a fixed order."""
-
-    def values(self) -> Sequence[Value]:
-        """Their present values."""
+from plcemu.runtime.status import CycleCounters, Source, StateTags, TaskTags, VerdictTags
 
 
 class Stimulus(Protocol):
@@ -49,42 +40,6 @@ class Stimulus(Protocol):
 
     def next_event_ns(self) -> int | None:
         """Return when the next write is due, if there is one."""
-
-
-@dataclass(slots=True)
-class CycleCounters:
-    """What the cycle counts.
-
-    Attributes:
-        laps: laps executed.
-        skipped: releases passed over because nothing could change (virtual time).
-        overruns: laps that ended after the next release.
-        missed: releases lost to overruns.
-        late_ns: how long after its release the last lap began.
-        max_late_ns: the largest of these.
-        last_lap_ns: how long the last lap took, by the clock.
-        max_lap_ns: the largest of these.
-    """
-
-    laps: int = 0
-    skipped: int = 0
-    overruns: int = 0
-    missed: int = 0
-    late_ns: int = 0
-    max_late_ns: int = 0
-    last_lap_ns: int = 0
-    max_lap_ns: int = 0
-    tags: list[Tag] = field(default_factory=lambda: [
-        Tag("task.overruns", "ULINT", comment="laps that ended after the next release"),
-        Tag("task.missed", "ULINT", comment="releases lost to overruns")])
-
-    def values(self) -> list[Value]:
-        """Return the values of the tags."""
-        return [self.overruns, self.missed]
-
-    def numbers(self) -> dict[str, int]:
-        """Return everything counted, by attribute."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tags"}
 
 
 class Recorder(Protocol):
@@ -105,6 +60,7 @@ class Checkpoint:
         place: `t_ns`, `now_ns` and `scan_number` of the cycle.
         shown: what the last frame told: memory, then the other tags by source; None before it.
         counters: the attributes of the counters that are numbers.
+        scans: how many each task has made.
         played: how many steps of the scenario have been played.
         suite: the monitors.
     """
@@ -112,25 +68,12 @@ class Checkpoint:
     place: tuple[int, int, int]
     shown: tuple[bytes, tuple[tuple[Value, ...], ...]] | None
     counters: dict[str, int]
+    scans: tuple[int, ...]
     resource: ResourceCheckpoint
     exchange: ExchangeCheckpoint
     plant: PlantCheckpoint | None
     played: int
     suite: Suite
-
-
-class _Verdicts:
-    """The monitors' verdicts as tags."""
-
-    def __init__(self, properties: Sequence[Property]) -> None:
-        self.tags = [Tag(f"monitor.{p.name}.verdict", "STRING", comment=p.description)
-                     for p in properties]
-        self.suite: Suite | None = None
-
-    def values(self) -> list[Value]:
-        if self.suite is None:
-            return ["presumably satisfied"] * len(self.tags)
-        return [verdict.value for verdict in self.suite.verdicts()]
 
 
 class Cycle:
@@ -151,6 +94,9 @@ class Cycle:
         t_ns: the next release.
         now_ns: how far the run has come.
         scan_number: of the next scan.
+        observers: are shown every frame.
+        state_observers: are shown every frame without the elapsed times that the program does not
+            read. For their sake alone no scan is executed that changes nothing else.
     """
 
     def __init__(self, resource: Resource, exchange: Exchange, plant: LocalPlant | None = None,
@@ -164,22 +110,25 @@ class Cycle:
         self.now_ns = 0
         self.scan_number = 0
         self.observers: list[Observer] = []
+        self.state_observers: list[Observer] = []
+        self._task_tags = TaskTags(resource)
+        self._verdicts = VerdictTags(properties)
+        own: list[Source] = [self.counters, StateTags(resource), self._task_tags]
+        self._sources: list[Source] = [plant, *own] if plant is not None else own
         self.recorder: Recorder | None = None
-        self._verdicts = _Verdicts(properties)
-        self._sources: list[Source] = [s for s in (plant, self.counters) if s is not None]
         every: list[Source] = [*self._sources, self._verdicts]
         self._last: list[Sequence[Value]] = [() for _ in every]
         lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
         self._bases = list(accumulate(lengths))
-        try:
-            self.tags = TagTable([*resource.memory.tags,
-                                  *(t for s in every for t in s.tags)])
-        except ValueError as problem:
-            raise PlcemuError(f"{problem}; the names plant, task and monitor are taken, and "
-                              "properties need names of their own") from None
+        self.tags = _all_tags(resource, every)
         self.suite = Suite(properties, self.tags)
         self._verdicts.suite = self.suite
         self._started = False
+        self._in_lap = False
+        self._commands: list[Callable[[], None]] = []
+        elapsed = resource.memory.elapsed_tags
+        self._elapsed_judged = any(self.tags.find(ref.name) in elapsed
+                                   for p in properties for ref in tag_refs(p.formula))
 
     @property
     def end_ns(self) -> int:
@@ -189,13 +138,58 @@ class Cycle:
     def values(self) -> list[Value]:
         """Return the present values of all tags, in their order."""
         memory = self.resource.memory
+        shown = [self._task_tags.present() if s is self._task_tags else s.values()
+                 for s in [*self._sources, self._verdicts]]
         return [*(memory.read(i) for i in range(len(memory.tags))),
-                *(v for s in [*self._sources, self._verdicts] for v in s.values())]
+                *(value for values in shown for value in values)]
+
+    # ------------------------------------------------------------ commands
+
+    def stop(self) -> None:
+        """Go to STOP at the next scan boundary: nothing runs, outputs take their safe values."""
+        self._at_boundary(self.resource.stop)
+
+    def resume(self) -> None:
+        """Go from STOP or FAULT to RUN at the next scan boundary, with memory as it is."""
+        self._at_boundary(self.resource.resume)
+
+    def restart(self, cold: bool) -> None:
+        """Begin anew at the next scan boundary, from any state; the scan then is a first scan.
+
+        Args:
+            cold: whether retained variables get their initial values too.
+        """
+        self._at_boundary(lambda: self.resource.restart(cold))
+
+    def _at_boundary(self, command: Callable[[], None]) -> None:
+        """Carry a command out between two laps: now, or when the lap under way has ended."""
+        self._commands.append(command)
+        if not self._in_lap:
+            self._obey()
+
+    def _obey(self) -> None:
+        waiting, self._commands = self._commands, []
+        for command in waiting:
+            command()
+        self.exchange.update_outputs()
 
     # ------------------------------------------------------------ one lap
 
-    def lap(self) -> None:
-        """Execute the lap at `t_ns`, then let `t_ns` be the next release."""
+    def lap(self, now_ns: Callable[[], int] | None = None) -> None:
+        """Execute the lap at `t_ns`, then let `t_ns` be the next release.
+
+        Args:
+            now_ns: the clock, in real time; None in virtual time.
+        """
+        self._in_lap = True
+        try:
+            self._phases(now_ns)
+        finally:
+            self._in_lap = False
+        if self._commands:
+            self._obey()
+
+    def _phases(self, now_ns: Callable[[], int] | None) -> None:
         t_ns = self.t_ns
         if self.recorder is not None:
             self.recorder.before_lap()
@@ -206,7 +200,7 @@ class Cycle:
         if self.exchange.waiting:
             self.resource.inputs_changed()
         self.exchange.update_inputs()
-        self.resource.scan(t_ns)
+        self.resource.scan(t_ns, now_ns)
         self.exchange.update_outputs()
         self._show(t_ns)
         if self.plant is not None:
@@ -219,6 +213,7 @@ class Cycle:
 
     def _show(self, t_ns: int) -> None:
         """Make the frame of this lap; the monitors judge it first, their verdicts join it."""
+        first = not self._started
         changes = self._changes()
         frame = Frame(t_ns, self.scan_number, changes)
         undecided = self.suite.undecided
@@ -228,6 +223,13 @@ class Cycle:
             frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
         for observer in self.observers:
             observer.observe(frame)
+        if self.state_observers:
+            unread = self.resource.memory.elapsed_tags
+            if unread and not first:
+                frame = Frame(t_ns, self.scan_number,
+                              tuple(c for c in frame.changes if c[0] not in unread))
+            for observer in self.state_observers:
+                observer.observe(frame)
 
     def _changes(self) -> tuple[Change, ...]:
         """Return what has changed, all in the first frame, without the verdicts."""
@@ -255,7 +257,8 @@ class Cycle:
         shown = (memory.shown, tuple(tuple(v) for v in self._last)) if self._started else None
         return Checkpoint(
             (self.t_ns, self.now_ns, self.scan_number), shown, self.counters.numbers(),
-            self.resource.checkpoint(), self.exchange.checkpoint(),
+            tuple(each.scans for each in self.resource.statistics), self.resource.checkpoint(),
+            self.exchange.checkpoint(),
             self.plant.checkpoint() if self.plant is not None else None,
             self.player.played if self.player is not None else 0, self.suite.copy())
 
@@ -270,6 +273,8 @@ class Cycle:
             self.player.played = point.played
         for name, number in point.counters.items():
             setattr(self.counters, name, number)
+        for each, scans in zip(self.resource.statistics, point.scans, strict=True):
+            each.scans = scans
         self.suite = self._verdicts.suite = point.suite.copy()
         self.tell_all()
         if point.shown is not None:
@@ -287,23 +292,37 @@ class Cycle:
     def skip_idle(self, limit_ns: int) -> None:
         """Move `t_ns` to the first release, at most the limit's, at which a scan can matter.
 
-        A scan cannot matter while the last ones changed no byte, no clock that the program reads
-        runs, nothing waits to be latched, and plant and monitors have no event before it. The last
-        release before the limit is never passed over, so that all clocks stand right in the end.
+        A scan cannot matter while the last ones changed nothing, no clock that the program reads
+        runs, nothing waits to be latched, and plant and monitors have no event before it. If nobody
+        looks at the elapsed times that the program does not read, these may change and clocks run
+        of which it sees only the expiry: that is an event too (docs/timing.md). The last release
+        before the limit is never passed over, so that all clocks stand right in the end.
         """
-        if not self.resource.is_quiet() or self.exchange.waiting:
+        resource = self.resource
+        if self.exchange.waiting:
             return
-        wakes = [limit_ns, self.suite.next_deadline_ns(),
+        only_elapsed = not resource.is_quiet()
+        if only_elapsed and (self.observers or self.recorder or self._elapsed_judged
+                             or not resource.is_quiet(but_for_elapsed=True)):
+            return
+        wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),
                  self.plant.next_event_ns() if self.plant is not None else None,
                  self.player.next_event_ns() if self.player is not None else None]
-        target = self.resource.first_release_ns(min(w for w in wakes if w is not None))
+        target = resource.first_release_ns(min(w for w in wakes if w is not None))
         if target >= limit_ns:
-            target = self.resource.last_release_ns(limit_ns)
+            target = resource.last_release_ns(limit_ns)
+        if target > self.t_ns and only_elapsed:
+            target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
-            skipped = self.resource.releases_between(self.t_ns, target)
+            skipped = resource.releases_between(self.t_ns, target)
             self.counters.skipped += skipped
-            self.scan_number += skipped
-            self.now_ns = self.t_ns = target
+            self.pass_over(target, self.scan_number + skipped)
+
+    def pass_over(self, t_ns: int, scan_number: int) -> None:
+        """Move to a later release without executing those before it, which would change nothing."""
+        self.resource.passed_over(self.t_ns, t_ns)
+        self.now_ns = self.t_ns = t_ns
+        self.scan_number = scan_number
 
     # ------------------------------------------------------------ running
 
@@ -351,7 +370,7 @@ class Cycle:
             if stop.is_set():
                 break
             begin = clock.now_ns()
-            self.lap()
+            self.lap(clock.now_ns)
             self._account(release, begin, clock.now_ns())
             if after_lap is not None:
                 after_lap()
@@ -367,4 +386,22 @@ class Cycle:
             following = self.resource.first_release_ns(end)
             counters.overruns += 1
             counters.missed += self.resource.releases_between(self.t_ns, following)
+            self.resource.missed(self.t_ns, following)
             self.now_ns = self.t_ns = following
+        self._task_tags.show(end)
+
+
+def _all_tags(resource: Resource, sources: Sequence[Source]) -> TagTable:
+    """Return the tags of memory and of the sources.
+
+    `state` means a program's variable of that name, though there is a `resource.state`.
+    """
+    try:
+        table = TagTable(resource.memory.tags)
+        for source in sources:
+            for tag in source.tags:
+                table.add(tag, gives_way=tag.name.startswith(("resource.", "task.")))
+    except ValueError as problem:
+        raise PlcemuError(f"{problem}; the names plant, resource, task and monitor are taken, and "
+                          "properties need names of their own") from None
+    return table

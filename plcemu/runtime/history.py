@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from plcemu.base.errors import PlcemuError
+from plcemu.base.trace import Trace
 from plcemu.base.types import Value
 from plcemu.engine.memory import Memory
 from plcemu.io.exchange import Port, Waiting
@@ -183,6 +184,12 @@ class History:
                 return scan + self._cycle.resource.releases_between(begin, at)
         raise HistoryError(self._reach(f"the instant {t_ns} ns is"))
 
+    @property
+    def is_untouched(self) -> bool:
+        """Whether nothing was done to the cycle since its last lap, rewind or replay."""
+        return self._fixed() == self._left and \
+            not self._cycle.exchange.waiting_writes(LocalPlant.PORT)
+
     def _reach(self, what: str) -> str:
         if not self._segments:
             return f"{what} not recorded: no scan was executed since recording began"
@@ -196,7 +203,8 @@ class History:
     def rewind(self, scan: int) -> None:
         """Return to where the cycle stood before a scan; writes that wait are forgotten.
 
-        The recorded future stays until another lap takes its place, so that it can be replayed.
+        Traces that observe the cycle are cut there. The recorded future stays until another lap
+        takes its place, so that it can be replayed.
 
         Raises:
             HistoryError: the scan is not in the history.
@@ -204,6 +212,9 @@ class History:
         self._end = self.end_scan
         self.place(self._cycle, scan)
         self._left = self._fixed()
+        for observer in self._cycle.observers:
+            if isinstance(observer, Trace):
+                observer.cut(scan)
 
     def place(self, cycle: Cycle, scan: int) -> None:
         """Bring a cycle of the same program to where the recorded one stood before a scan.
@@ -236,7 +247,7 @@ class History:
                                f"{cycle.scan_number}; rewind to it")
         if end > self.end_scan:
             raise HistoryError(self._reach(f"scan {end} is"))
-        if self._fixed() != self._left or cycle.exchange.waiting_writes(LocalPlant.PORT):
+        if not self.is_untouched:
             raise HistoryError("the PLC was changed since the rewind: only what was recorded can "
                                "be replayed; rewind again first, or change a fork")
         recorder, cycle.recorder = cycle.recorder, None
@@ -262,7 +273,7 @@ def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
             continue
         if number >= before_scan:
             return
-        cycle.t_ns, cycle.scan_number = t_ns, number
+        cycle.pass_over(t_ns, number)
         for write in writes:
             port = ports.setdefault(write.port, cycle.exchange.port(write.port))
             port.write(*write[1:])
@@ -279,7 +290,7 @@ def _pass_over(cycle: Cycle, scan: int) -> None:
     else:
         for _ in range(missing):
             t_ns = resource.first_release_ns(t_ns + 1)
-    cycle.t_ns, cycle.scan_number = t_ns, scan
+    cycle.pass_over(t_ns, scan)
     cycle.finish(t_ns)
 
 

@@ -11,12 +11,14 @@ from plcemu.base.tags import TagTable
 from plcemu.base.time import parse_duration_ns
 from plcemu.base.trace import Trace
 from plcemu.base.types import Value
-from plcemu.engine.resource import Resource, State
+from plcemu.engine.interpreter import BUDGET
+from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange, Extent
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
 from plcemu.runtime.cycle import Cycle
+from plcemu.runtime.debugger import Debugger
 from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 
 
@@ -53,24 +55,26 @@ class Plc:
     Args:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
-        engine: `auto` or `interpreter`.
+        engine: `auto`, `wasm` or `interpreter`.
         record: keep a `trace`, and a history to travel in.
         history: whether to keep a history without a trace, or how many bytes it may take; then
             the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
         tasks: instead of the program's own.
         safe_outputs: values of outputs while not in RUN; all others are 0 or FALSE.
+        budget: instructions that jumps backwards may cost in one run of a task; one that needs more
+            has run away and ends in FAULT.
 
     Raises:
         CompileError: the program text is wrong.
-        PlcemuError: an unknown engine, a cycle that is not positive.
+        PlcemuError: an unknown engine, a cycle or budget that is not positive.
     """
 
     def __init__(self, program: Program | str | Path, cycle: str | int = "10ms",
                  engine: str = "auto", *, record: bool = False, history: bool | int = False,
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
         compiled = program if isinstance(program, Program) else compile_program(program)
-        self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs)
+        self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs, budget)
         self._resource = Resource(*self._arguments)
         self._exchange = make_exchange(self._resource)
         self._cycle = Cycle(self._resource, self._exchange)
@@ -105,6 +109,11 @@ class Plc:
         self._resource.inputs_changed()
 
     @property
+    def cycle(self) -> Cycle:
+        """What executes its laps."""
+        return self._cycle
+
+    @property
     def tags(self) -> TagTable:
         """The tag table."""
         return self._cycle.tags
@@ -125,6 +134,10 @@ class Plc:
         """Execute all releases of the next stretch of time, such as `"2s"`, or ns."""
         self._cycle.run_virtual(self.t_ns + parse_duration_ns(duration))
 
+    def debug(self) -> Debugger:
+        """Return a debugger at work on this PLC, which stands between two scans."""
+        return Debugger(self.cycle)
+
     # ------------------------------------------------------------ state
 
     @property
@@ -139,16 +152,18 @@ class Plc:
 
     def stop(self) -> None:
         """Go to STOP; outputs take their safe values."""
-        self._resource.stop()
-        self._exchange.update_outputs()
+        self._cycle.stop()
 
-    def start(self, cold: bool = False) -> None:
-        """Go to RUN, with memory as it is or, for a cold start, with its initial values."""
-        if cold:
-            self._resource.cold_start()
-            self._exchange.update_outputs()
-        elif self._resource.state is not State.RUN:
-            self._resource.resume()
+    def resume(self) -> None:
+        """Go from STOP or FAULT to RUN, with memory as it is."""
+        self._cycle.resume()
+
+    def restart(self, cold: bool = False) -> None:
+        """Begin anew, from any state: the next scan is a first scan.
+
+        A warm restart keeps the values of retained variables; in a cold one all are initial.
+        """
+        self._cycle.restart(cold)
 
     def snapshot(self) -> bytes:
         """Return the whole state of the program; it holds no absolute time."""
@@ -165,10 +180,10 @@ class Plc:
         Raises:
             HistoryError: the scan is not in the history.
         """
-        compiled, cycle_ns, engine, tasks, safe_outputs = self._arguments
+        compiled, cycle_ns, engine, tasks, safe_outputs, budget = self._arguments
         limit = self._history.limit_bytes if self._history is not None else False
         twin = type(self)(compiled, cycle_ns, engine, record=self._trace is not None,
-                          history=limit, tasks=tasks, safe_outputs=safe_outputs)
+                          history=limit, tasks=tasks, safe_outputs=safe_outputs, budget=budget)
         if scan is None or scan == self.scan_number:
             twin._cycle.return_to(self._cycle.checkpoint())
             twin._access.repeat(self._access)
@@ -208,8 +223,6 @@ class Plc:
         target = history.scan_at(t_ns) if t_ns is not None else scan
         assert target is not None
         history.rewind(target)
-        if self._trace is not None:
-            self._trace.cut(target)
 
     def replay(self, until_scan: int | None = None) -> None:
         """Execute the recorded scans again, with their writes, forces and commands.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import plcemu
@@ -21,11 +22,20 @@ from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
-from plcemu.modbus import RUN_OBJECT, AddressMap, Identity, MapRange, ModbusTcpServer, ObjectType
+from plcemu.modbus import (
+    FAULT_OBJECT,
+    RUN_OBJECT,
+    STATE_OBJECT,
+    AddressMap,
+    Identity,
+    MapRange,
+    ModbusTcpServer,
+    ObjectType,
+)
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
-from plcemu.runtime.config import Config, PlantSection, PointSection
+from plcemu.runtime.config import Config, PlantSection, PointSection, TaskSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.plc import make_exchange
@@ -97,8 +107,12 @@ class System:
         section = self.config.modbus
         # Identification objects are ASCII of bounded length; a name need not be.
         name = self.config.name.encode("ascii", "replace").decode()[:OBJECT_BYTES]
-        identity = Identity(revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
-                            application_name=name, extended={RUN_OBJECT: uuid.uuid4().hex})
+        identity = Identity(
+            revision=plcemu.__version__, product_name="plcemu PLC runtime emulator",
+            application_name=name,
+            extended={RUN_OBJECT: uuid.uuid4().hex,
+                      STATE_OBJECT: lambda: self.resource.state.value,
+                      FAULT_OBJECT: lambda: str(self.resource.fault or "")})
         return ModbusTcpServer(
             self.exchange, self._map, identity, host=section.host, port=section.port,
             units=section.units, max_connections=section.max_connections,
@@ -141,26 +155,59 @@ def make_resource(config: Config, program: Program) -> Resource:
     Raises:
         ConfigError: a task, its programs or a safe output does not fit the program.
     """
-    tasks = [Task(name, t.interval, t.priority, t.phase, tuple(t.programs))
-             for name, t in config.tasks.items()]
-    if tasks:
-        _check_programs(config, program)
+    tasks = make_tasks(config, program)
     _check_safe_outputs(config, program)
     try:
-        return Resource(program, config.cycle, config.engine, tasks or None, config.safe_outputs)
+        return Resource(program, config.cycle, config.engine, tasks, config.safe_outputs,
+                        config.budget)
     except (PlcemuError, ValueError) as problem:
         key = "engine" if config.engine not in ENGINES else "tasks"
         raise config.mistake((key,), problem) from None
 
 
-def _check_programs(config: Config, program: Program) -> None:
+def make_tasks(config: Config, program: Program) -> list[Task]:
+    """Return the tasks of a program as configured.
+
+    Tasks with programs take the place of the program's own; the others change its own.
+
+    Raises:
+        ConfigError: a program is in no task or in several, or a task does not exist.
+    """
+    new = {name for name, section in config.tasks.items() if section.programs is not None}
+    tasks = {name.casefold(): Task(name) for name in new} if new else \
+        {task.name.casefold(): task for task in program.tasks}
+    if len({name.casefold() for name in config.tasks}) < len(config.tasks):
+        raise config.mistake(("tasks",), "two tasks have one name (case does not count)")
+    for name, section in config.tasks.items():
+        if name.casefold() not in tasks:
+            known = ", ".join(task.name for task in tasks.values())
+            raise config.mistake(("tasks", name), f"names no programs, and is no task of the "
+                                 f"program text; there is {known}")
+        if name in new and section.interval is None:
+            raise config.mistake(("tasks", name, "interval"), "is missing")
+        tasks[name.casefold()] = _configured(tasks[name.casefold()], section)
+    if new:
+        _check_programs(config, program, tasks.values())
+    watchdog = config.watchdog or 0
+    return [replace(task, watchdog_ns=task.watchdog_ns or watchdog) for task in tasks.values()]
+
+
+def _configured(task: Task, section: TaskSection) -> Task:
+    given: dict[str, Any] = {
+        "interval_ns": section.interval, "priority": section.priority,
+        "phase_ns": section.phase, "budget": section.budget, "watchdog_ns": section.watchdog,
+        "programs": tuple(section.programs) if section.programs is not None else None}
+    return replace(task, **{key: value for key, value in given.items() if value is not None})
+
+
+def _check_programs(config: Config, program: Program, tasks: Iterable[Task]) -> None:
     """Demand that each program is in exactly one task: else it never runs, or runs too often."""
-    placed = [name.casefold() for task in config.tasks.values() for name in task.programs]
+    placed = [name.casefold() for task in tasks for name in task.programs]
     for instance in program.instances:
-        tasks = placed.count(instance.name.casefold())
-        if tasks != 1:
+        count = placed.count(instance.name.casefold())
+        if count != 1:
             raise config.mistake(("tasks",), f"found program {instance.name} in "
-                                 f"{tasks or 'no'} tasks, expected it in one")
+                                 f"{count or 'no'} tasks, expected it in one")
 
 
 def _check_safe_outputs(config: Config, program: Program) -> None:

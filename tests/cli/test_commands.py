@@ -28,7 +28,8 @@ def process(*arguments: object, **options: Any) -> subprocess.CompletedProcess[s
 # every command
 
 
-@pytest.mark.parametrize("command", [[], ["check"], ["run"], ["simulate"], ["plant"], ["monitor"]])
+@pytest.mark.parametrize("command", [[], ["check"], ["run"], ["simulate"], ["plant"], ["monitor"],
+                                     ["debug"]])
 def test_every_command_explains_itself(plcemu: Run, command: list[str]) -> None:
     outcome = plcemu(*command, "--help")
     assert outcome.code == 0

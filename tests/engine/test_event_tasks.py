@@ -108,7 +108,7 @@ def test_a_cold_start_takes_a_true_trigger_for_an_edge_again():
     plc = Plc(compile_program(TEXT.format(EVENT.replace("trigger", "%IX0.0"))))
     plc["%IX0.0"] = True
     plc.scan(2)
-    plc.start(cold=True)
+    plc.restart(cold=True)
     plc["%IX0.0"] = True
     plc.scan(2)
     assert plc["p.n"] == 1

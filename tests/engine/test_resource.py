@@ -58,7 +58,8 @@ def test_time_does_not_pass_for_timers_in_stop():
 
 def test_a_cold_start_sets_every_value_to_its_initial_one():
     controller = faulted()
-    controller.resource.cold_start()
+    controller["a"] = 1
+    controller.resource.restart(cold=True)
     assert (controller.resource.state, controller.resource.fault) == (State.RUN, None)
     assert controller.resource.snapshot() == controller.resource.program.layout.initial
     assert controller.scan()["n"] == 1
@@ -115,7 +116,7 @@ def test_views_of_the_memory_block_stay_valid_over_a_restore():
     controller = Controller(MIXED)
     block = controller.resource.memory.block
     controller.resource.restore(controller.resource.snapshot())
-    controller.resource.cold_start()
+    controller.resource.restart(cold=True)
     assert controller.resource.memory.block is block
 
 

@@ -47,8 +47,8 @@ MISTAKES = {
         "name: x\n",
         "c.yaml: program is missing"),
     "a missing key deeper down": (
-        "program: a\ntasks:\n  fast:\n    programs: x\n",
-        "c.yaml:3: tasks.fast.interval is missing"),
+        "program: a\nmodbus:\n  ranges:\n  - {type: coil, first: 0, count: 8}\n",
+        "c.yaml:4: modbus.ranges.0.area is missing"),
     "an unknown key": (
         "program: a\ncycel: 10ms\n",
         "c.yaml:2: there is no key 'cycel'; did you mean 'cycle'?"),

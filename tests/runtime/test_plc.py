@@ -165,7 +165,7 @@ def test_tags_of_the_cycle_cannot_be_written() -> None:
 
 
 def test_a_program_with_a_taken_name_is_told() -> None:
-    with pytest.raises(PlcemuError, match=r"two tags 'task\.overruns'; the names plant, task"):
+    with pytest.raises(PlcemuError, match=r"two tags 'task\.overruns'; the names plant, "):
         plcemu.Plc(STARTER.replace("MAIN", "task").replace("count", "overruns"))
 
 
@@ -358,7 +358,7 @@ def test_a_configured_safe_value_is_taken_in_fault_and_stop() -> None:
     plc = plcemu.Plc(DIVIDER, safe_outputs={"out": True})
     plc.stop()
     assert (plc.state, plc["out"]) == ("STOP", True)
-    plc.start()
+    plc.resume()
     plc["go"] = True
     plc.scan()
     assert (plc.state, plc["out"]) == ("FAULT", True)
@@ -371,7 +371,7 @@ def test_in_stop_nothing_runs_and_time_goes_on() -> None:
     plc.stop()
     plc.scan(5)
     assert (plc.state, plc["count"], plc.t_ns) == ("STOP", 5, 100 * MS)
-    plc.start()
+    plc.resume()
     plc.scan()
     assert (plc.state, plc["count"]) == ("RUN", 6)
 
@@ -380,7 +380,7 @@ def test_a_cold_start_begins_with_initial_values() -> None:
     plc = plcemu.Plc(DIVIDER)
     plc["go"] = True
     plc.scan()
-    plc.start(cold=True)
+    plc.restart(cold=True)
     assert (plc.state, plc.fault, plc["a"], plc["out"]) == ("RUN", "", 0, True)
 
 

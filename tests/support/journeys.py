@@ -41,8 +41,8 @@ commands: st.SearchStrategy[Deed] = st.one_of(
     st.booleans().map(lambda on: lambda plc: plc.force("lamp", on)),
     _levels.map(lambda v: lambda plc: plc.force("level", v)),
     st.sampled_from(["lamp", "level"]).map(lambda name: lambda plc: plc.unforce(name)),
-    st.just(lambda plc: plc.stop()), st.just(lambda plc: plc.start()),
-    st.just(lambda plc: plc.start(cold=True)))
+    st.just(lambda plc: plc.stop()), st.just(lambda plc: plc.resume()),
+    st.just(lambda plc: plc.restart(cold=True)))
 """What is done to a PLC besides writes."""
 
 scans: st.SearchStrategy[Deed] = st.one_of(

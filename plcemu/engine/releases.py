@@ -1,0 +1,66 @@
+"""When tasks are released: arithmetic progressions, counted in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import gcd
+
+
+@dataclass(frozen=True, slots=True)
+class Releases:
+    """The instants start + k · step with k = 0, 1, 2, ..., in ns."""
+
+    start: int
+    step: int
+
+    def is_due(self, t_ns: int) -> bool:
+        """Whether an instant is one of them."""
+        return t_ns >= self.start and (t_ns - self.start) % self.step == 0
+
+    def first(self, not_before_ns: int) -> int:
+        """Return the first one not before an instant."""
+        since = max(0, not_before_ns - self.start)
+        return self.start + -(-since // self.step) * self.step
+
+    def last(self, before_ns: int) -> int:
+        """Return the last one before an instant; -1 if there is none."""
+        since = before_ns - 1 - self.start
+        return self.start + since // self.step * self.step if since >= 0 else -1
+
+    def count(self, first_ns: int, before_ns: int) -> int:
+        """Return how many lie in [first, before)."""
+        return max(0, self._before(before_ns) - self._before(first_ns))
+
+    def _before(self, t_ns: int) -> int:
+        return max(0, -((self.start - t_ns) // self.step))
+
+    def meet(self, other: Releases) -> Releases | None:
+        """Return the instants in both, by the Chinese remainder theorem; None if there are none."""
+        common = gcd(self.step, other.step)
+        apart = other.start - self.start
+        if apart % common:
+            return None
+        own, others = self.step // common, other.step // common
+        one = self.start + apart // common * pow(own, -1, others) % others * self.step
+        both = self.step * others
+        return Releases(Releases(one % both, both).first(max(self.start, other.start)), both)
+
+
+def count_any(all_of: Iterable[Releases], first_ns: int, before_ns: int) -> int:
+    """Return how many instants in [first, before) are in at least one of several progressions.
+
+    Inclusion and exclusion: each progression counts without what it shares with those before it.
+    What shares nothing in the stretch is left out, so that few terms remain of many tasks.
+    """
+    counted: list[Releases] = []
+    total = 0
+    for each in dict.fromkeys(all_of):
+        own = each.count(first_ns, before_ns)
+        if own:
+            shared = [both for other in counted if (both := each.meet(other)) is not None
+                      and both.count(first_ns, before_ns)]
+            if each not in shared:
+                total += own - count_any(shared, first_ns, before_ns)
+                counted.append(each)
+    return total
