@@ -11,7 +11,6 @@ from plcemu.base.tracefile import load, save
 from plcemu.cli.output import console, print_json, print_stories, properties_table
 from plcemu.monitor import Result, judge, load_properties
 
-NAME = "monitor"
 HELP = "judge a recorded trace (.csv, .jsonl, .vcd) by the properties of a .prop file"
 
 
