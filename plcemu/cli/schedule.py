@@ -18,7 +18,6 @@ from plcemu.cli.output import add_config_arguments, console, print_json
 from plcemu.runtime.config import load_config
 from plcemu.runtime.scheduling import Best, Scheduler
 
-NAME = "schedule"
 HELP = "find the best schedules of a plant's processes, with a proof that none is better"
 EPILOG = """examples:
   plcemu schedule il_programs/batch_plant --load all

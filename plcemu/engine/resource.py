@@ -16,10 +16,11 @@ from plcemu.base.time import format_duration
 from plcemu.base.types import Value
 from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
+from plcemu.engine.jitter import Jitter, count_distinct
 from plcemu.engine.memory import Memory
-from plcemu.engine.releases import count_any
 from plcemu.engine.tasks import TaskState, prepare
 from plcemu.ir.program import Program, Task
+from plcemu.ir.shape import match
 
 
 class State(enum.Enum):
@@ -59,6 +60,7 @@ class Resource:
         engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
+        jitter: of periodic tasks; None: none.
         budget: of tasks that name none: instructions that jumps backwards may cost in one run.
 
     Raises:
@@ -68,13 +70,15 @@ class Resource:
 
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET,
+                 jitter: Jitter | None = None) -> None:
         self.program = program
         self.engine = make_engine(engine, program, budget)
         self.memory = Memory(program.layout, self.engine.block)
         self.state = State.RUN
         self.fault: ProgramFault | None = None
-        self._tasks = prepare(program, tasks or program.tasks, cycle_ns, self.engine, budget)
+        self._tasks = prepare(program, tasks or program.tasks, cycle_ns, self.engine, budget,
+                              jitter)
         self.tasks = list(dict.fromkeys(state.task for state in self._tasks))
         """The tasks, the most urgent first."""
         self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
@@ -116,13 +120,14 @@ class Resource:
         In a cold restart every variable gets its initial value; in a warm one the retained
         variables keep theirs. Inputs stay what the world last made them.
         """
-        layout, block = self.memory.layout, self.memory.block
-        kept = [(e.offset, e.count * SIZES[e.area[1]]) for e in layout.extents if e.area[0] == "I"]
-        kept += [(each.offset, each.size) for each in layout.retained if not cold]
-        values = [bytes(block[offset:offset + size]) for offset, size in kept]
+        layout, block, before = self.memory.layout, self.memory.block, self.memory.snapshot()
         self.memory.cold_start()
-        for (offset, size), value in zip(kept, values, strict=True):
-            block[offset:offset + size] = value
+        for extent in layout.extents:
+            if extent.area[0] == "I":
+                end = extent.offset + extent.count * SIZES[extent.area[1]]
+                block[extent.offset:end] = before[extent.offset:end]
+        if not cold:
+            match(layout.retained, layout.retained).carry(before, block)
         self._last_ns = None
         self.resume()
 
@@ -146,7 +151,7 @@ class Resource:
 
     def releases_between(self, first_ns: int, before_ns: int) -> int:
         """Return how many instants in [first, before) release a task."""
-        return count_any((state.releases for state in self._tasks), first_ns, before_ns)
+        return count_distinct((state.releases for state in self._tasks), first_ns, before_ns)
 
     # ------------------------------------------------------------ scan
 
@@ -294,7 +299,7 @@ class Resource:
     def missed(self, first_ns: int, before_ns: int) -> None:
         """Count the releases in [first, before), which an overrun let pass, for each task."""
         for task, statistics in zip(self.tasks, self.statistics, strict=True):
-            lost = count_any((s.releases for s in self._tasks if s.task is task), first_ns,
+            lost = count_distinct((s.releases for s in self._tasks if s.task is task), first_ns,
                              before_ns)
             statistics.missed += lost
             statistics.overruns += lost > 0
@@ -318,6 +323,19 @@ class Resource:
         """Take up the state of a checkpoint."""
         self.memory.restore(point.memory)
         self.state, self.fault, self._last_ns = point.state, point.fault, point.last_ns
+        self._wake()
+
+    def succeed(self, other: Resource) -> None:
+        """Stand in for another resource, of an edited program, from the next scan on.
+
+        What is measured of a task goes on if there is a task of that name.
+        """
+        self.state, self.fault, self._last_ns = other.state, other.fault, other._last_ns
+        before = {task.name.casefold(): each
+                  for task, each in zip(other.tasks, other.statistics, strict=True)}
+        for state in self._tasks:
+            state.statistics = before.get(state.task.name.casefold(), state.statistics)
+        self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
         self._wake()
 
     def snapshot(self) -> bytes:

@@ -11,7 +11,8 @@ conversion happens here, once a scan, and only where something changed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from array import array
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -95,10 +96,13 @@ def _swapped(data: bytes, width: int) -> bytes:
     """Reverse the bytes of every element of `width` bytes."""
     if width == 1:
         return bytes(data)
-    out = bytearray(len(data))
-    for i in range(width):
-        out[i::width] = data[width - 1 - i::width]
-    return bytes(out)
+    elements = array(_CODES[width], data)
+    elements.byteswap()
+    return elements.tobytes()
+
+
+_CODES = {array(code).itemsize: code for code in "HIQ"}
+"""Type codes of arrays by the bytes of an element."""
 
 
 class Waiting(NamedTuple):
@@ -191,6 +195,24 @@ class Port:
         self._pending.clear()
 
 
+def _grouped(extents: Sequence[Extent]) -> dict[str, list[Extent]]:
+    by_area: dict[str, list[Extent]] = {}
+    for extent in extents:
+        by_area.setdefault(extent.area, []).append(extent)
+    return by_area
+
+
+def _same_element(offset: int, old: Sequence[Extent], new: Sequence[Extent]) -> int | None:
+    """Return where the element of an area that stands at an offset stands in other extents."""
+    for extent in old:
+        if extent.memory_slice.start <= offset < extent.memory_slice.stop:
+            element = extent.first + (offset - extent.offset) // extent.width
+            for other in new:
+                if other.area == extent.area and 0 <= element - other.first < other.count:
+                    return other.offset + (element - other.first) * other.width
+    return None
+
+
 class Exchange:
     """The process image as the world sees it, over one memory block.
 
@@ -202,12 +224,11 @@ class Exchange:
     def __init__(self, memory: bytearray | memoryview, extents: Sequence[Extent] = ()) -> None:
         self._memory = memory
         self._extents = tuple(extents)
-        self._by_area: dict[str, list[Extent]] = {}
-        for extent in self._extents:
-            self._by_area.setdefault(extent.area, []).append(extent)
+        self._by_area = _grouped(self._extents)
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
+        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
         self._last_raw: list[bytes] = [b""] * len(self._extents)
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
@@ -277,13 +298,39 @@ class Exchange:
         self._forces = dict(point.forces)
         self._last_raw = [b""] * len(self._extents)
 
+    def rebind(self, memory: bytearray | memoryview, extents: Sequence[Extent],
+               place: Callable[[int, int], int | None]) -> list[int]:
+        """Go on over the memory of an edited program, between two scans; ports stay as they are.
+
+        The image stays what it is. Waiting writes must have been latched before.
+
+        Args:
+            memory: the new block.
+            extents: the stretches of the areas that stand in it.
+            place: where bytes of the old block (offset, count) stand in the new one, or None.
+
+        Returns:
+            The old offsets of forces that have no place any more; they end.
+        """
+        forces, ended = {}, []
+        for offset, data in self._forces.items():
+            new = place(offset, len(data))
+            if new is None:
+                new = _same_element(offset, self._extents, extents)
+            if new is None:
+                ended.append(offset)
+            else:
+                forces[new] = data
+        self._memory, self._extents, self._forces = memory, tuple(extents), forces
+        self._by_area = _grouped(self._extents)
+        self._last_raw = [b""] * len(self._extents)
+        return ended
+
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""
         self.writers = set()
         if self._queue:
             waiting, self._queue = self._queue, []
-            # The image will hold what clients wrote, no longer what was published last.
-            self._last_raw = [b""] * len(self._extents)
             for write in waiting:
                 self._latch(write)
                 if write.area[0] == "I":
@@ -299,6 +346,10 @@ class Exchange:
         if write.area == MEMORY:
             _merge(self._memory, write.offset, write.data, write.mask)
             return
+        # The image will hold what clients wrote, no longer what was published last.
+        for i, extent in enumerate(self._extents):
+            if extent.area == write.area:
+                self._last_raw[i] = b""
         image, end = self._image[write.area], write.offset + len(write.data)
         parts = [part for extent in self._by_area.get(write.area, ())
                  if (part := extent.part(write.offset, end)) is not None]
@@ -311,11 +362,12 @@ class Exchange:
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""
         self._apply_forces()
-        for i, extent in enumerate(self._extents):
-            raw = bytes(self._memory[extent.memory_slice])
-            if raw != self._last_raw[i]:
-                self._last_raw[i] = raw
-                self._image[extent.area][extent.image_slice] = extent.to_image(raw)
+        memory, last_raw = self._memory, self._last_raw
+        for i, (in_memory, in_image, image) in enumerate(self._places):
+            raw = bytes(memory[in_memory])
+            if raw != last_raw[i]:
+                last_raw[i] = raw
+                image[in_image] = self._extents[i].to_image(raw)
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():

@@ -15,8 +15,8 @@ from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.engine.resource import Resource
 from plcemu.engine.statistics import TaskStatistics
-from plcemu.monitor import Suite
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suites import Suites
 
 SHOWN_EVERY_NS = 1_000_000_000
 """The least time between two frames that show the statistics of tasks anew, in ns."""
@@ -29,8 +29,11 @@ class Source(Protocol):
     def tags(self) -> Sequence[Tag]:
         """The tags, in a fixed order."""
 
-    def values(self) -> Sequence[Value]:
-        """Their values as frames show them; another sequence whenever one has changed."""
+    def values(self) -> Sequence[Value | None]:
+        """Their values as frames show them; another sequence whenever one has changed.
+
+        None is a value that is not known (quality *bad*).
+        """
 
 
 class StateTags:
@@ -139,10 +142,10 @@ class VerdictTags:
     def __init__(self, properties: Sequence[Property]) -> None:
         self.tags = [Tag(f"monitor.{p.name}.verdict", "STRING", comment=p.description)
                      for p in properties]
-        self.suite: Suite | None = None
+        self.suite: Suites | None = None
 
     def values(self) -> Sequence[Value]:
         """Return the verdicts."""
         if self.suite is None:
             return ["presumably satisfied"] * len(self.tags)
-        return [verdict.value for verdict in self.suite.verdicts()]
+        return self.suite.verdicts()

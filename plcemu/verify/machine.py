@@ -30,7 +30,7 @@ class ScanMachine:
                  kept: Iterable[int] | None = None) -> None:
         program = resource.program
         self.resource = resource
-        self._block = resource.engine.block
+        self._block = resource.memory.block
         self._code = resource.engine.prepare(_simple_runs(program, resource))
         self._places = [_place(program, point) for point in inputs]
         self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
