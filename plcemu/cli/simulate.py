@@ -65,7 +65,9 @@ def execute(arguments: argparse.Namespace) -> int:
     trace = None
     if any((arguments.trace, arguments.report, arguments.plot)):
         trace = Trace(system.cycle.tags)
-        system.cycle.observers.append(trace)
+        # The page's chart shows no elapsed times.
+        only_page = arguments.trace is None and arguments.plot is None
+        (system.cycle.state_observers if only_page else system.cycle.observers).append(trace)
     panels = panels_of(Trace(system.cycle.tags), system.config.plot)
     _run(system, arguments.until, arguments.dense)
     report = system.report()

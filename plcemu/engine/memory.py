@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
@@ -31,6 +31,7 @@ class Memory:
         self.tags = TagTable(slot.tag for slot in layout.slots)
         self._slots: list[tuple[int, ElementaryType | StringType]] = [
             (slot.offset, type_of(slot.tag.type)) for slot in layout.slots]
+        self._readers = [(_reader(row), offset) for offset, row in self._slots]
         self._idle = [clock.offset for clock in layout.clocks if not clock.observed]
         self._read = [clock for clock in layout.clocks if clock.observed]
         self._passing = [offset for clock in self._read if clock.expiry is not None
@@ -90,10 +91,12 @@ class Memory:
         now = _without(bytes(self.block), self._idle)
         if now == self._shown:
             return ()
-        found = {tag for byte in differing_bytes(self._shown, now)
-                 for tag in self._owner.get(byte, ())}
+        owner, readers = self._owner, self._readers
+        found = {tag for byte in differing_bytes(self._shown, now) if byte in owner
+                 for tag in owner[byte]}
         self._shown = now
-        return tuple((i, self.read(i)) for i in sorted(found))
+        changed = [(i, *readers[i]) for i in sorted(found)]
+        return tuple([(i, unpack(now, offset)[0]) for i, unpack, offset in changed])
 
     @property
     def shown(self) -> bytes:
@@ -126,6 +129,14 @@ class Memory:
             _without(before, self._passing) == _without(after, self._passing)
 
 
+def _reader(row: ElementaryType | StringType) -> Callable[[bytes, int], tuple[Value]]:
+    """Return what unpacks a type's value from a block, as a tuple of one."""
+    if isinstance(row, StringType):
+        return lambda data, offset: (row.unpack(data, offset),)
+    unpack: Callable[[bytes, int], tuple[Value]] = struct.Struct("<" + row.code).unpack_from
+    return unpack
+
+
 _NOTHING = bytes(8)
 
 
@@ -139,16 +150,17 @@ def _without(image: bytes, cells: Sequence[int]) -> bytes:
     return bytes(blank)
 
 
-def differing_bytes(before: bytes, after: bytes, chunk: int = 1024) -> list[int]:
+def differing_bytes(before: bytes, after: bytes) -> list[int]:
     """Return the offsets at which two blocks of equal length differ.
 
-    Whole chunks are compared at once, and of those that differ smaller and smaller parts.
+    Whole chunks are compared at once, and of those that differ smaller ones.
     """
-    if chunk < 16:
-        return [i for i, (x, y) in enumerate(zip(before, after, strict=True)) if x != y]
     found: list[int] = []
-    for start in range(0, len(after), chunk):
-        a, b = before[start:start + chunk], after[start:start + chunk]
-        if a != b:
-            found += [start + i for i in differing_bytes(a, b, chunk // 8)]
+    for large in range(0, len(after), 256):
+        if before[large:large + 256] != after[large:large + 256]:
+            for start in range(large, min(large + 256, len(after)), 16):
+                a, b = before[start:start + 16], after[start:start + 16]
+                if a != b:
+                    found += [i for i, (x, y) in enumerate(zip(a, b, strict=True), start)
+                              if x != y]
     return found

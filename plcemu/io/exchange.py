@@ -11,6 +11,7 @@ conversion happens here, once a scan, and only where something changed.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -95,10 +96,13 @@ def _swapped(data: bytes, width: int) -> bytes:
     """Reverse the bytes of every element of `width` bytes."""
     if width == 1:
         return bytes(data)
-    out = bytearray(len(data))
-    for i in range(width):
-        out[i::width] = data[width - 1 - i::width]
-    return bytes(out)
+    elements = array(_CODES[width], data)
+    elements.byteswap()
+    return elements.tobytes()
+
+
+_CODES = {array(code).itemsize: code for code in "HIQ"}
+"""Type codes of arrays by the bytes of an element."""
 
 
 class Waiting(NamedTuple):
@@ -224,6 +228,7 @@ class Exchange:
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
+        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
         self._last_raw: list[bytes] = [b""] * len(self._extents)
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
@@ -326,8 +331,6 @@ class Exchange:
         self.writers = set()
         if self._queue:
             waiting, self._queue = self._queue, []
-            # The image will hold what clients wrote, no longer what was published last.
-            self._last_raw = [b""] * len(self._extents)
             for write in waiting:
                 self._latch(write)
                 if write.area[0] == "I":
@@ -343,6 +346,10 @@ class Exchange:
         if write.area == MEMORY:
             _merge(self._memory, write.offset, write.data, write.mask)
             return
+        # The image will hold what clients wrote, no longer what was published last.
+        for i, extent in enumerate(self._extents):
+            if extent.area == write.area:
+                self._last_raw[i] = b""
         image, end = self._image[write.area], write.offset + len(write.data)
         parts = [part for extent in self._by_area.get(write.area, ())
                  if (part := extent.part(write.offset, end)) is not None]
@@ -355,11 +362,12 @@ class Exchange:
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""
         self._apply_forces()
-        for i, extent in enumerate(self._extents):
-            raw = bytes(self._memory[extent.memory_slice])
-            if raw != self._last_raw[i]:
-                self._last_raw[i] = raw
-                self._image[extent.area][extent.image_slice] = extent.to_image(raw)
+        memory, last_raw = self._memory, self._last_raw
+        for i, (in_memory, in_image, image) in enumerate(self._places):
+            raw = bytes(memory[in_memory])
+            if raw != last_raw[i]:
+                last_raw[i] = raw
+                image[in_image] = self._extents[i].to_image(raw)
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():

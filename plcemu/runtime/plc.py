@@ -49,7 +49,7 @@ class Plc:
     Args:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
-        engine: `auto` or `interpreter`.
+        engine: `auto`, `wasm` or `interpreter`.
         record: keep a `trace`, and a history to travel in.
         history: whether to keep a history without a trace, or how many bytes it may take; then
             the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
@@ -94,7 +94,9 @@ class Plc:
         except UnknownNameError:
             if name not in self.tags:
                 raise
-        return self._cycle.values()[self.tags.find(name)]
+        value = self._cycle.values()[self.tags.find(name)]
+        assert value is not None, "a PLC without field links knows all its values"
+        return value
 
     def __setitem__(self, name: str, value: Value) -> None:
         self._access.write(name, value)
