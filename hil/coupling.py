@@ -45,6 +45,10 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> 
     return made
 
 
+_KNOWN_LIMIT = 4096
+"""Readings of one sensor whose raw values are remembered: a quantised sensor repeats itself."""
+
+
 class PlantFailure(PlcemuError):
     """The plant's model failed: which plant, when, and the line of its code."""
 
@@ -86,6 +90,7 @@ class Coupling:
         self._per = time_scale.as_integer_ratio()
         self._seen: list[PortValue | None] = [None] * len(self.inputs)
         self._raw = [0] * len(self.inputs)
+        self._known: list[dict[PortValue, int]] = [{} for _ in self.inputs]
         self._origin_ns = plant.t_ns
         self._outputs_before: Sequence[int] | None = None
         self._delayed = delayed
@@ -174,9 +179,18 @@ class Coupling:
         for n, point in enumerate(self.inputs):
             value = sensed[point.name]
             if value != self._seen[n]:
-                self._raw[n] = point.to_raw(value)
                 self._seen[n] = value
+                self._raw[n] = self._converted(n, point, value)
         return list(self._raw)
+
+    def _converted(self, n: int, point: Point, value: PortValue) -> int:
+        known = self._known[n]
+        raw = known.get(value)
+        if raw is None:
+            if len(known) >= _KNOWN_LIMIT:
+                known.clear()
+            raw = known[value] = point.to_raw(value)
+        return raw
 
     def _failure(self, problem: Exception) -> PlantFailure:
         """Return the error of a plant's model: the class may be the user's own."""

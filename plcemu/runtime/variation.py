@@ -110,3 +110,13 @@ def _text(value: Decimal, unit: str) -> str:
     if unit == "ns":
         return format_duration(int(value))
     return f"{value.normalize():f}{unit}"
+
+
+def magnitude(text: str, value: str) -> tuple[float, str]:
+    """Return a value as a number and its unit, durations in s, to be drawn.
+
+    Raises:
+        VariationError: it is no number; `text` is the variation that it is of.
+    """
+    number, unit = _quantity(text, value)
+    return (float(number) / 1e9, "s") if unit == "ns" else (float(number), unit)
