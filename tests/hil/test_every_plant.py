@@ -19,7 +19,7 @@ from plcemu.runtime.system import System, make_coupling, make_map
 PROGRAMS = ROOT / "il_programs"
 SYSTEMS = sorted(path.parent for path in PROGRAMS.glob("*/config.yaml")
                  if load_config(path).plant is not None)
-UNTIL_S = {"batch_plant": 700, "evaporator": 28}
+UNTIL_S = {"batch_plant": 700, "evaporator": 28, "heating_tank": 120}
 """How long a system runs here; 20 s where nothing is said."""
 
 
