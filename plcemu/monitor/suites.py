@@ -91,6 +91,13 @@ class Suites:
             members.append(_Member(plan.fresh, plan.tags, list(plan.restarted)))
         self._members, self.properties, self.tags = members, plan.properties, plan.tags
 
+    @property
+    def reads(self) -> frozenset[int]:
+        """The indices of the tags that the properties read."""
+        names = {member.tags[n].name for member in self._members
+                 for n in member.suite.tags_used()}
+        return frozenset(self.tags.find(name) for name in names)
+
     def _meaning(self, name: str) -> set[Tag]:
         member = next(m for m in self._members if name in m.names)
         return _used(member.suite, member.tags, name)
