@@ -15,7 +15,6 @@ from plcemu.ir.text import print_program
 from plcemu.lang.compile import compile_program
 from plcemu.lang.sipn_il import export_il
 
-NAME = "check"
 HELP = "compile program files and print every diagnostic as file:line:column: CODE message"
 EPILOG = "All files are compiled together, as one program. Exit code 1 if there is an error."
 

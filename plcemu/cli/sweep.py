@@ -20,7 +20,6 @@ from plcemu.runtime.sweep_table import Summary, save_csv, save_plot, summarise
 from plcemu.runtime.variation import SYNTAX, parse_variation
 from plcemu.runtime.workers import cores, run_here, run_on_cluster, run_on_cores
 
-NAME = "sweep"
 HELP = "a family of runs over parameters and chance, in virtual time and on all cores"
 EPILOG = f"""What is varied is written {SYNTAX}.
 Lists and grids are combined; each combination is run --runs times, each time with other chance.
