@@ -15,7 +15,7 @@ from plcemu.base.tags import Tag, TagTable
 from plcemu.base.trace import Frame
 from plcemu.monitor.parse import Property
 from plcemu.monitor.suite import Suite
-from plcemu.monitor.verdict import Result, Verdict
+from plcemu.monitor.verdict import Result
 
 
 @dataclass(slots=True)
@@ -134,7 +134,7 @@ class Suites:
         """How many properties have no final verdict yet."""
         return sum(m.suite.undecided for m in self._members)
 
-    def verdicts(self) -> list[Verdict]:
+    def verdicts(self) -> list[str]:
         """Return the verdicts alone, in the order the properties were given."""
         if len(self._members) == 1:
             return self._members[0].suite.verdicts()

@@ -93,6 +93,7 @@ class Commands:
 
     def _get(self, name: str) -> Answer:
         cycle = self._daemon.system.cycle
+        value: Value | None
         try:
             value, of = self._tags().read(name), self._tags().type_of(name)
         except UnknownNameError:

@@ -166,7 +166,7 @@ class Result:
     """
 
     run: Run
-    values: Mapping[str, Value] = field(default_factory=dict)
+    values: Mapping[str, Value | None] = field(default_factory=dict)
     verdicts: Mapping[str, str] = field(default_factory=dict)
     error: str = ""
 
@@ -197,6 +197,8 @@ class _Extremes:
     def observe(self, frame: Frame) -> None:
         """Take one frame."""
         for index, value in frame.changes:
+            if value is None:  # bad quality: not known, so neither least nor greatest
+                continue
             low, high = self._found.get(index, (value, value))
             self._found[index] = min(low, value), max(high, value)
 

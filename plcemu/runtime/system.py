@@ -143,7 +143,7 @@ class System:
         """The PLC's processor; an online change puts another in its place."""
         return self.cycle.resource
 
-    def _judged(self, properties: Sequence[Property],
+    def _judged(self, properties: list[Property],
                 program: Program) -> tuple[list[Property], list[str]]:
         """Return the properties, and the names of those that speak of a plant not here."""
         known = TagTable(slot.tag for slot in program.layout.slots)
@@ -162,10 +162,9 @@ class System:
             CompileError: the program or a property is wrong.
             ConfigError: tasks or outputs do not fit the program.
         """
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
-                                  single_firing=config.sipn_single_firing)
+        program, given = load_parts(config)
         resource = make_resource(config, program)
-        properties, _ = self._judged(_load_properties(config), program)
+        properties, _ = self._judged(given, program)
         try:
             return Change(self.cycle, resource, properties, self._player(resource))
         except CompileError:
