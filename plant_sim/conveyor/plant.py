@@ -15,7 +15,9 @@ from typing import Any
 from plant_sim.automaton import HybridAutomaton, Linear, Mode, actuator, falls, rises, switch
 from plant_sim.chance import uniform
 from plant_sim.contract import Fact, Port
+from plant_sim.conveyor.exact import automaton
 from plant_sim.gauges import Sensor
+from plant_sim.linear_automaton import Automaton
 from plant_sim.lines import exact
 from plant_sim.parameters import Parameters, parameter
 
@@ -31,6 +33,8 @@ class ConveyorParameters(Parameters):
     test_mm: float = parameter(80.0, "position of the limit switch at the test station",
                                unit="mm", low=0.001, high=1e5)
     end_mm: float = parameter(150.0, "end of the axis", unit="mm", low=0.001, high=1e6)
+    test_ms: float = parameter(500.0, "time that the test of a gear takes at the test station",
+                               unit="ms", low=0.0, high=1e7)
     return_min_ms: float = parameter(3000.0, "shortest time of the way back", unit="ms",
                                      low=0.001, high=1e7)
     return_max_ms: float = parameter(3500.0, "longest time of the way back", unit="ms",
@@ -52,6 +56,8 @@ class Conveyor(HybridAutomaton):
             switch("load_pos", "at the loading station", of="position", at_most=0.0),
             switch("test_pos", "at the test station or beyond", of="position",
                    at_least=p.test_mm),
+            switch("test_done", "the gear at the test station has been tested", of="tested",
+                   at_least=1.0),
             actuator("go_to_test", "motor clockwise"),
             actuator("go_back", "motor counterclockwise"),
             Fact("stop_mm", "real", "mm", "where the conveyor last stood still after a way out"),
@@ -65,7 +71,7 @@ class Conveyor(HybridAutomaton):
         p = self.parameters
         spread = p.perturbation_pct / 100 * (2 * uniform(p.seed, "speed") - 1)
         return {"position": Fraction(0), "speed_mm_s": p.speed_mm_s * (1 + spread),
-                "going": False, "returns": 0, "way_back_mm": 0.0,
+                "tested": Fraction(0), "going": False, "returns": 0, "way_back_mm": 0.0,
                 "stop_mm": 0.0, "stops": 0, "collision": False}
 
     def mode(self, x: dict[str, Any], on: Mapping[str, Any]) -> Mode:
@@ -80,11 +86,19 @@ class Conveyor(HybridAutomaton):
                 rises("end", "position", p.end_mm, reset={"position": exact(p.end_mm)}),))
         if x["going"]:
             return Mode(now={"going": False, "stop_mm": x["position"], "stops": x["stops"] + 1,
-                             "way_back_mm": x["position"]})
+                             "way_back_mm": x["position"], "tested": Fraction(0)})
         if on["go_back"] and x["position"] > 0:
+            if x["tested"]:
+                return Mode(now={"tested": Fraction(0)})
             return Mode({"position": Linear(-self._return_mm_s(x))}, guards=(
                 falls("loaded", "position", 0, reset={
                     "position": Fraction(0), "returns": x["returns"] + 1}),))
+        if x["position"] >= p.test_mm and x["tested"] < 1:
+            # The test's progress, from 0 to 1.
+            if not p.test_ms:
+                return Mode(now={"tested": Fraction(1)})
+            return Mode({"tested": Linear(1000 / exact(p.test_ms))}, guards=(
+                rises("tested", "tested", 1, reset={"tested": Fraction(1)}),))
         return Mode()
 
     def _return_mm_s(self, x: Mapping[str, Any]) -> float:
@@ -93,3 +107,7 @@ class Conveyor(HybridAutomaton):
         low, high = sorted((p.return_min_ms, p.return_max_ms))
         took_ms = low + (high - low) * uniform(p.seed, "return", x["returns"])
         return float(x["way_back_mm"]) / took_ms * 1000
+
+    def automaton(self) -> Automaton:
+        """All that this conveyor can do, exactly."""
+        return automaton(self.parameters)

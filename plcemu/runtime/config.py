@@ -91,6 +91,10 @@ def _factor(value: object) -> Fraction:
     return factor
 
 
+def _limit(value: object) -> Fraction | None:
+    return None if value is None else _factor(value)
+
+
 def _number(value: object) -> object:
     if not isinstance(value, bool | int | float):
         raise ValueError("true, false or a number")
@@ -303,6 +307,28 @@ class VerifySection(Section):
     limits: LimitsSection = LimitsSection()
 
 
+class StudySection(Section):
+    """A study of `plcemu reach`: a parameter varied, an objective's reachable interval drawn."""
+
+    vary: str
+    set: list[str] = []
+    show: Literal["interval", "range"] = "range"
+    within: Annotated[Fraction | None, BeforeValidator(_limit)] = None
+    title: str = ""
+
+
+class ReachSection(Section):
+    """Exact reachability."""
+
+    regions: Literal["auto", "zones", "polyhedra"] = "auto"
+    states: int = Field(default=200_000, ge=1)
+    studies: dict[str, StudySection] = {}
+
+    def study(self, name: str) -> StudySection | None:
+        """Return the study of a name, or None."""
+        return self.studies.get(name)
+
+
 class Config(Section):
     """A whole configuration."""
 
@@ -328,6 +354,7 @@ class Config(Section):
     retain: RetainSection = RetainSection()
     control: ControlSection = ControlSection()
     verify: VerifySection = VerifySection()
+    reach: ReachSection = ReachSection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
@@ -652,6 +679,8 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,
     ("verify", "limits"): LimitsSection,
+    ("reach",): ReachSection,
+    ("reach", "studies", "*"): StudySection,
 }
 
 
