@@ -1,4 +1,4 @@
-"""Exact reachability: the whole of the conveyor's Figure 7 in 10 us steps, and zones beside polyhedra.
+"""Exact reachability: the whole of the conveyor's Figure 7 in 10 us steps; zones and polyhedra.
 
 The paper needed hundreds of runs of up to 5 minutes for the figure, at a coarser step. The peer is
 the general form of regions, exact polyhedra, on a few of the same values.
