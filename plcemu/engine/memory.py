@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 
 from plcemu.base.tags import TagTable
 from plcemu.base.trace import Change
@@ -32,19 +33,21 @@ class Memory:
         self._slots: list[tuple[int, ElementaryType | StringType]] = [
             (slot.offset, type_of(slot.tag.type)) for slot in layout.slots]
         self._readers = [(_reader(row), offset) for offset, row in self._slots]
-        self._idle = [clock.offset for clock in layout.clocks if not clock.observed]
+        idle = {clock.offset for clock in layout.clocks if not clock.observed}
         self._read = [clock for clock in layout.clocks if clock.observed]
-        self._passing = [offset for clock in self._read if clock.expiry is not None
-                         for offset in (clock.offset, clock.expiry.copy)]
+        passing = [offset for clock in self._read if clock.expiry is not None
+                   for offset in (clock.offset, clock.expiry.copy)]
+        self._told = _all_but(idle, len(block))
+        self._lasting = _all_but(passing, len(block)) if passing else None
         copies = {clock.expiry.copy for clock in self._read if clock.expiry is not None}
         self.elapsed_tags = frozenset(
             i for i, (offset, _) in enumerate(self._slots) if offset in copies)
         """The tags that show elapsed times which the program does not read."""
         self.idle_tags = frozenset(
-            i for i, (offset, _) in enumerate(self._slots) if offset in set(self._idle))
+            i for i, (offset, _) in enumerate(self._slots) if offset in idle)
         """The tags of clocks that the program does not read: they run without being a change."""
-        self._owner = self._owners(set(self._idle))
-        self._shown = _without(bytes(self.block), self._idle)
+        self._owner = self._owners(idle)
+        self._shown = self._now()
 
     def _owners(self, idle: set[int]) -> dict[int, list[int]]:
         """Map each byte to the tags it belongs to; clocks that nothing reads change unseen."""
@@ -83,32 +86,36 @@ class Memory:
         """Return a tag's offset in the block and its type."""
         return self._slots[index]
 
+    def _now(self) -> int:
+        """Return the block, without clocks that the program does not read, as one number."""
+        return int.from_bytes(self.block, "little") & self._told
+
     def values(self) -> tuple[Change, ...]:
         """Return all tags with their values, as in the first frame of a trace."""
-        self._shown = _without(bytes(self.block), self._idle)
+        self._shown = self._now()
         return tuple((i, row.unpack(self.block, offset))
                      for i, (offset, row) in enumerate(self._slots))
 
     def changes(self) -> tuple[Change, ...]:
         """Return the tags that changed since the last call (or `values`), with their values."""
-        now = _without(bytes(self.block), self._idle)
-        if now == self._shown:
+        before, self._shown = self._shown, self._now()
+        if self._shown == before:
             return ()
-        owner, readers = self._owner, self._readers
-        found = {tag for byte in differing_bytes(self._shown, now) if byte in owner
-                 for tag in owner[byte]}
-        self._shown = now
+        owner, readers, block = self._owner, self._readers, self.block
+        differing = (before ^ self._shown).to_bytes(len(block), "little")
+        found = {tag for run in _NOT_ZERO.finditer(differing) for byte in range(*run.span())
+                 for tag in owner.get(byte, ())}
         changed = [(i, *readers[i]) for i in sorted(found)]
-        return tuple([(i, unpack(now, offset)[0]) for i, unpack, offset in changed])
+        return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
 
     @property
     def shown(self) -> bytes:
         """The block as `values` or `changes` last told it; set to tell from there on."""
-        return self._shown
+        return self._shown.to_bytes(len(self.block), "little")
 
     @shown.setter
     def shown(self, block: bytes) -> None:
-        self._shown = block
+        self._shown = int.from_bytes(block, "little")
 
     def time_matters_in_ns(self) -> int | None:
         """Return how much time may pass before that alone can change what a scan does.
@@ -128,42 +135,26 @@ class Memory:
 
     def differ_in_elapsed_only(self, before: bytes, after: bytes) -> bool:
         """Whether two images differ at most in elapsed times of which only the expiry is seen."""
-        return bool(self._passing) and \
-            _without(before, self._passing) == _without(after, self._passing)
+        if self._lasting is None:
+            return False
+        differing = int.from_bytes(before, "little") ^ int.from_bytes(after, "little")
+        return not differing & self._lasting
 
 
-def _reader(row: ElementaryType | StringType) -> Callable[[bytes, int], tuple[Value]]:
+def _reader(row: ElementaryType | StringType) -> Callable[[Block, int], tuple[Value]]:
     """Return what unpacks a type's value from a block, as a tuple of one."""
     if isinstance(row, StringType):
         return lambda data, offset: (row.unpack(data, offset),)
-    unpack: Callable[[bytes, int], tuple[Value]] = struct.Struct("<" + row.code).unpack_from
+    unpack: Callable[[Block, int], tuple[Value]] = struct.Struct("<" + row.code).unpack_from
     return unpack
 
 
-_NOTHING = bytes(8)
+_NOT_ZERO = re.compile(rb"[^\0]+")
 
 
-def _without(image: bytes, cells: Sequence[int]) -> bytes:
-    """Return an image with zeros in the 64-bit cells at these offsets."""
-    if not cells:
-        return image
-    blank = bytearray(image)
+def _all_but(cells: Iterable[int], size: int) -> int:
+    """Return a mask of a block's bytes, without the 64-bit cells at these offsets."""
+    mask = bytearray(b"\xff" * size)
     for offset in cells:
-        blank[offset:offset + 8] = _NOTHING
-    return bytes(blank)
-
-
-def differing_bytes(before: bytes, after: bytes) -> list[int]:
-    """Return the offsets at which two blocks of equal length differ.
-
-    Whole chunks are compared at once, and of those that differ smaller ones.
-    """
-    found: list[int] = []
-    for large in range(0, len(after), 256):
-        if before[large:large + 256] != after[large:large + 256]:
-            for start in range(large, min(large + 256, len(after)), 16):
-                a, b = before[start:start + 16], after[start:start + 16]
-                if a != b:
-                    found += [i for i, (x, y) in enumerate(zip(a, b, strict=True), start)
-                              if x != y]
-    return found
+        mask[offset:offset + 8] = bytes(8)
+    return int.from_bytes(mask, "little")

@@ -25,6 +25,9 @@ MEMORY = "MEMORY"
 PENDING_LIMIT = 65_536
 """The largest number of writes that may wait for one scan; one more is refused."""
 
+TARGETS_LIMIT = 4096
+"""Stretches of the image whose places in memory are remembered; then they are found anew."""
+
 
 @dataclass(frozen=True, slots=True)
 class Extent:
@@ -115,6 +118,18 @@ class Waiting(NamedTuple):
     mask: bytes | None
 
 
+class _Target(NamedTuple):
+    """What a write to a stretch of an area's image touches in memory.
+
+    Attributes:
+        extents: the numbers of the area's extents.
+        parts: of the extents, with memory and image slices, that the write touches.
+    """
+
+    extents: tuple[int, ...]
+    parts: tuple[tuple[Extent, slice, slice], ...]
+
+
 class Checkpoint(NamedTuple):
     """The image of every area, one after another, and the forces by memory offset."""
 
@@ -195,10 +210,11 @@ class Port:
         self._pending.clear()
 
 
-def _grouped(extents: Sequence[Extent]) -> dict[str, list[Extent]]:
-    by_area: dict[str, list[Extent]] = {}
-    for extent in extents:
-        by_area.setdefault(extent.area, []).append(extent)
+def _grouped(extents: Sequence[Extent]) -> dict[str, list[int]]:
+    """Return the numbers of each area's extents."""
+    by_area: dict[str, list[int]] = {}
+    for n, extent in enumerate(extents):
+        by_area.setdefault(extent.area, []).append(n)
     return by_area
 
 
@@ -235,6 +251,7 @@ class Exchange:
         self._memory = memory
         self._extents = tuple(extents)
         self._by_area = _grouped(self._extents)
+        self._targets: dict[tuple[str, int, int], _Target] = {}
         self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
         self._last_raw: list[bytes] = [b""] * len(self._extents)
 
@@ -349,18 +366,29 @@ class Exchange:
         if write.area == MEMORY:
             _merge(self._memory, write.offset, write.data, write.mask)
             return
+        numbers, parts = self._target(write.area, write.offset, len(write.data))
         # The image will hold what clients wrote, no longer what was published last.
-        for i, extent in enumerate(self._extents):
-            if extent.area == write.area:
-                self._last_raw[i] = b""
-        image, end = self._image[write.area], write.offset + len(write.data)
-        parts = [part for extent in self._by_area.get(write.area, ())
-                 if (part := extent.part(write.offset, end)) is not None]
-        for part in parts:
-            image[part.image_slice] = part.to_image(bytes(self._memory[part.memory_slice]))
+        for n in numbers:
+            self._last_raw[n] = b""
+        image, memory = self._image[write.area], self._memory
+        for part, in_memory, in_image in parts:
+            image[in_image] = part.to_image(bytes(memory[in_memory]))
         _merge(image, write.offset, write.data, write.mask)
-        for part in parts:
-            self._memory[part.memory_slice] = part.to_memory(bytes(image[part.image_slice]))
+        for part, in_memory, in_image in parts:
+            memory[in_memory] = part.to_memory(bytes(image[in_image]))
+
+    def _target(self, area: str, offset: int, n: int) -> _Target:
+        """Return what a write of `n` bytes touches; the same few come again and again."""
+        target = self._targets.get((area, offset, n))
+        if target is None:
+            if len(self._targets) >= TARGETS_LIMIT:
+                self._targets.clear()
+            numbers = tuple(self._by_area.get(area, ()))
+            parts = [part for k in numbers
+                     if (part := self._extents[k].part(offset, offset + n)) is not None]
+            target = self._targets[area, offset, n] = _Target(
+                numbers, tuple((p, p.memory_slice, p.image_slice) for p in parts))
+        return target
 
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""

@@ -154,15 +154,13 @@ class Suite:
         """
         moved, self._moved = self._moved | self._restless, 0
         now: list[str] | None = None
-        at = 0
         while moved:
-            if moved & 1:
-                watch = self._open[at]
-                verdict = watch.stands(self._t_ns).value
-                if verdict != self._verdicts[watch.place]:
-                    now = now or list(self._verdicts)
-                    now[watch.place] = verdict
-            moved, at = moved >> 1, at + 1
+            watch = self._open[moved.bit_length() - 1]
+            moved ^= 1 << moved.bit_length() - 1
+            verdict = watch.stands(self._t_ns).value
+            if verdict != self._verdicts[watch.place]:
+                now = now or list(self._verdicts)
+                now[watch.place] = verdict
         if now is not None:
             self._verdicts = now
         return self._verdicts

@@ -10,7 +10,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, compress
+from operator import ne
 from typing import Protocol
 
 from plcemu.base.errors import PlcemuError
@@ -307,8 +308,8 @@ class Cycle:
         if now is before or now == before:
             return []
         self._last[n] = now
-        return [(base + i, new) for i, new in enumerate(now)
-                if i >= len(before) or before[i] != new]
+        return list(compress(enumerate(now, base), map(ne, now, before)) if before
+                    else enumerate(now, base))
 
     # ------------------------------------------------------------ checkpoints
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from monitor_brute_force import Row, decided_at, presumed
-from monitor_strategies import TAGS, A, B, formulas, frames_of, responses, runs, trace_of
+from monitor_strategies import TAGS, A, B, formulas, frames_of, responses, runs, states, trace_of
 
 from plcemu.base.spans import Diagnostic
 from plcemu.monitor import Monitor, Property, Suite
@@ -86,3 +86,13 @@ def test_the_next_deadline_is_where_time_alone_decides(formula: Formula, run: li
     decision = decided_at(formula, held) if open_yet else None
     suite.advance(len(run) - 1)
     assert suite.next_deadline_ns() == (decision[0] if decision else None)
+
+
+@settings(deadline=None)
+@given(states, states, states, runs)
+def test_what_has_held_throughout_in_the_premise_is_excused_in_the_goal(
+        p: Formula, r: Formula, q: Formula, run: list[Row]) -> None:
+    window = Interval(0, 3, True, True)
+    premise = Binary("->", Binary("&", p, Unary("H", r, window)), Unary("O", q, window))
+    excuse = Binary("->", p, Unary("O", Binary("|", q, Unary("!", r)), window))
+    assert found(Unary("G", premise), run) == found(Unary("G", excuse), run)
