@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from plcemu.base.errors import UnknownNameError
+from plcemu.base.types import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class Tag:
         unit: of the value, such as `l` or `degC`; empty if it has none.
         address: the directly represented variable, such as `%QX0.1`; empty if not located.
         comment: what it is, in the user's words.
+        values: of an enumeration, its values as (name, number).
     """
 
     name: str
@@ -25,6 +27,15 @@ class Tag:
     unit: str = ""
     address: str = ""
     comment: str = ""
+    values: tuple[tuple[str, int], ...] = ()
+
+    def shown(self, value: Value | None) -> str:
+        """Return a value as people read it: by its name in an enumeration, `-` if it is unknown."""
+        if value is None:
+            return "-"
+        if isinstance(value, bool):
+            return str(value).upper()
+        return next((name for name, number in self.values if number == value), str(value))
 
 
 class TagTable:

@@ -2,7 +2,8 @@
 
 A trace is a tag table and frames. The first frame holds every tag, each later one the tags that
 changed; values hold until the next frame (piecewise constant, right-continuous). A scan in which
-nothing changed leaves no frame in a trace.
+nothing changed leaves no frame in a trace. A change to None says that the value is not known from
+then on, because its source failed or is stale (quality *bad*), until its next change.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from plcemu.base.errors import LimitError
 from plcemu.base.tags import TagTable
 from plcemu.base.types import Value
 
-Change = tuple[int, Value]
-"""A tag's index in the trace's tag table, and its new value."""
+Change = tuple[int, Value | None]
+"""A tag's index in the trace's tag table, and its new value; None: not known (of bad quality)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +77,14 @@ class Trace:
         del self.frames[bisect_left(self.frames, scan, key=lambda frame: frame.scan):]
         self.end_ns = self.frames[-1].t_ns if self.frames else 0
 
-    def values(self) -> Iterator[tuple[int, dict[int, Value]]]:
+    def values(self) -> Iterator[tuple[int, dict[int, Value | None]]]:
         """Yield (t_ns, all values by tag index) after each frame; the dict is reused."""
-        state: dict[int, Value] = {}
+        state: dict[int, Value | None] = {}
         for frame in self.frames:
             state.update(frame.changes)
             yield frame.t_ns, state
 
-    def history(self, name: str) -> list[tuple[int, Value]]:
+    def history(self, name: str) -> list[tuple[int, Value | None]]:
         """Return the (t_ns, value) changes of one tag.
 
         Raises:

@@ -2,8 +2,10 @@
 
 One row of `FORMATS` a format. What a format cannot hold is guessed on reading: `.csv` has no
 types, so that a tag of nothing but 0 and 1 reads back as BOOL, whole numbers as LINT, numbers as
-LREAL and anything else as STRING; neither `.csv` nor `.vcd` has scan numbers, so frames are
-numbered from 0. No format holds the date: the same run is the same file, byte for byte.
+LREAL and anything else as STRING. An empty field is a value that is not known (null in `.jsonl`,
+`x` in `.vcd`), but in a column of texts an empty text. Neither `.csv` nor `.vcd` has scan numbers,
+so frames are numbered from 0. No format holds the date: the same run is the same file, byte for
+byte.
 """
 
 from __future__ import annotations
@@ -160,7 +162,7 @@ def _trace(tags: TagTable, rows: Iterable[tuple[int, Iterable[Value | None]]]) -
     for t_ns, row in rows:
         now = list(row)
         changes = tuple((i, v) for i, v in enumerate(now)
-                        if v is not None and (v != last[i] or last[i] is None))
+                        if v != last[i] or (v is None) is not (last[i] is None))
         trace.observe(Frame(t_ns, len(trace.frames), changes))
         last = now
     return trace
@@ -177,7 +179,8 @@ def _write_jsonl(trace: Trace, file: TextIO) -> None:
 
     always = ("name", "type", "unit")
     line({"tags": [{key: getattr(tag, key) for key in _TAG_KEYS
-                    if key in always or getattr(tag, key)} for tag in trace.tags]})
+                    if key in always or getattr(tag, key)}
+                   | ({"values": dict(tag.values)} if tag.values else {}) for tag in trace.tags]})
     for frame in trace.frames:
         line({"t_ns": frame.t_ns, "scan": frame.scan,
               "changes": {trace.tags[i].name: value for i, value in frame.changes}})
@@ -220,7 +223,16 @@ def _declared(path: Path, number: int, content: dict[str, object]) -> TagTable:
     for row in rows:
         if not isinstance(row, dict) or not {"name", "type"} <= row.keys():
             raise wrong(path, number, repr(row), "a tag with name and type")
-    return _table(path, [Tag(*(str(row.get(key, "")) for key in _TAG_KEYS)) for row in rows])
+    return _table(path, [Tag(**{key: str(row.get(key, "")) for key in _TAG_KEYS},
+                             values=_values(path, number, row)) for row in rows])
+
+
+def _values(path: Path, number: int, row: dict[str, object]) -> tuple[tuple[str, int], ...]:
+    """Read the values of an enumeration."""
+    found = row.get("values", {})
+    if not isinstance(found, dict) or not all(isinstance(v, int) for v in found.values()):
+        raise wrong(path, number, f"values {found!r}", "an object of names and whole numbers")
+    return tuple(found.items())
 
 
 def _whole(path: Path, number: int, content: dict[str, object], key: str) -> int:
@@ -234,12 +246,13 @@ def _frame(path: Path, number: int, content: dict[str, object], tags: TagTable) 
     named = content.get("changes")
     if not isinstance(named, dict):
         raise wrong(path, number, f"changes {named!r}", "an object of tags and values")
-    changes: dict[int, Value] = {}
+    changes: dict[int, Value | None] = {}
     for name, value in named.items():
         if name not in tags:
             raise wrong(path, number, f"the tag {name!r}", "one of the tags of line 1")
-        if not isinstance(value, (bool, int, float, str)):
-            raise wrong(path, number, f"{name}: {value!r}", "a truth value, a number or a text")
+        if value is not None and not isinstance(value, (bool, int, float, str)):
+            raise wrong(path, number, f"{name}: {value!r}",
+                        "a truth value, a number, a text or null")
         changes[tags.find(name)] = value
     return Frame(_whole(path, number, content, "t_ns"), _whole(path, number, content, "scan"),
                  tuple(sorted(changes.items())))

@@ -3,6 +3,8 @@
 BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement,
 unsigned ones and bit strings are registers of their width, floats are reals, and texts are the
 strings that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
+A value that is not known is `x`; of a real it is NaN and of a text it is empty, and so they read
+back.
 """
 
 from __future__ import annotations
@@ -61,10 +63,18 @@ def write(trace: Trace, file: TextIO) -> None:
             variables = [_register(writer, tag, first.get(i)) for i, tag in enumerate(trace.tags)]
             for frame in frames[1:]:
                 for index, value in frame.changes:
-                    writer.change(variables[index], frame.t_ns, _written(value))
+                    writer.change(variables[index], frame.t_ns,
+                                  _unknown(trace.tags[index]) if value is None
+                                  else _written(value))
         except ValueError as error:
             raise TraceFormatError(f"the trace does not fit a .vcd file: {error}") from None
         writer.close(max(trace.end_ns, start_ns))
+
+
+def _unknown(tag: Tag) -> Value:
+    """Return what is written for a value that is not known."""
+    row = ELEMENTARY.get(tag.type)
+    return "" if row is None else _Exact("nan") if row.kind == "float" else "x"
 
 
 def _written(value: Value | None) -> Value | None:
@@ -114,7 +124,8 @@ class _Reader:
         self.convert: dict[str, Callable[[Any], Value | None]] = {}
         self.trace: Trace | None = None
         self.t_ns = 0
-        self.changes: dict[int, Value] = {}
+        self.changes: dict[int, Value | None] = {}
+        self.seen: set[int] = set()
 
     def wrong(self, line: int, found: str, expected: str) -> TraceFormatError:
         return TraceFormatError(f"{self.path}:{line}: found {found}, expected {expected}")
@@ -167,8 +178,10 @@ class _Reader:
         if data.id_code not in self.indices:
             raise self.wrong(self.line, f"the code {data.id_code!r}", "one that $var declared")
         value = self.convert[data.id_code](data.value)
-        if value is not None:
-            self.changes |= dict.fromkeys(self.indices[data.id_code], value)
+        for index in self.indices[data.id_code]:
+            if value is not None or index in self.seen:
+                self.changes[index] = value
+                self.seen.add(index)
 
     def flush(self) -> None:
         """End the instant: what changed in it is a frame."""
@@ -191,7 +204,7 @@ class _Reader:
 def _reading(var: VarDecl) -> tuple[str, Callable[[Any], Value | None]]:
     """Return the type that a variable reads back as, and how its values are converted.
 
-    Unknown and high-impedance states (`x`, `z`) are no values: the tag keeps its last one.
+    Unknown and high-impedance states (`x`, `z`) are no values: the tag is not known then.
     """
     kind = var.type_.value
     if kind == "string":

@@ -63,7 +63,8 @@ def _tag(name: str, of: ElementaryType | StringType, address: str = "") -> Tag:
     """Return the tag of a variable; enumerations and subranges show as their base type."""
     shown = of.base.name if isinstance(of, SubrangeType) else \
         "DINT" if isinstance(of, EnumType) else of.name
-    return Tag(name, shown, "ns" if of.kind == "time" else "", address)
+    values = of.members if isinstance(of, EnumType) else ()
+    return Tag(name, shown, "ns" if of.kind == "time" else "", address, values=values)
 
 
 def _located_slots(scope: Scope, instance: str, initial: bytearray,

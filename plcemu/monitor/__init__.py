@@ -3,7 +3,14 @@
 Knows only `plcemu.base`: it judges any trace, also one recorded from a real plant.
 """
 
-from plcemu.monitor.parse import Property, load_properties, parse_formula, parse_properties
+from plcemu.monitor.parse import (
+    Property,
+    Severity,
+    load_properties,
+    parse_formula,
+    parse_properties,
+    parse_property,
+)
 from plcemu.monitor.suite import Monitor, Suite, judge
 from plcemu.monitor.verdict import Result, Verdict, Violation
 
@@ -11,6 +18,7 @@ __all__ = [
     "Monitor",
     "Property",
     "Result",
+    "Severity",
     "Suite",
     "Verdict",
     "Violation",
@@ -18,4 +26,5 @@ __all__ = [
     "load_properties",
     "parse_formula",
     "parse_properties",
+    "parse_property",
 ]

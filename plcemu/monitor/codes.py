@@ -13,9 +13,10 @@ CODES: dict[str, str] = {
     "M0006": "there are two properties {found}",
     "M0010": "{found}",
     "M0011": "{found} is a {kind}, expected a {expected}",
+    "M0012": "{found} stands in ago, expected {expected}",
     "M0020": "{found} speaks of other runs",
-    "M0021": "{found} is not supported by the online monitor yet",
-    "M0022": "{found} stands inside a comparison, arithmetic or rise, fall, changed",
+    "M0021": "{found} cannot be judged online",
+    "M0022": "{found} stands inside a comparison, arithmetic or rise, fall, changed, previous, ago",
 }
 """Code to message; the names in braces are filled in by the finder."""
 

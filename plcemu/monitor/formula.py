@@ -2,15 +2,16 @@
 
 The table `OPERATORS` says all that is to know of an operator: its spelling, how tightly it binds,
 to which side it groups, and what kind it is. The parser and the printer both derive from it, so
-that a printed formula reads back as the same tree.
+that a printed formula reads back as the same tree. Whoever judges or proves formulas works on this
+tree; patterns (`plcemu.monitor.patterns`) are expanded to it while they are read.
 """
 
 from __future__ import annotations
 
 import enum
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 from plcemu.base.spans import Source, Span
 from plcemu.base.time import format_duration
@@ -29,6 +30,7 @@ class Kind(enum.Enum):
     PAST = "what has been on this run"
     BRANCHING = "what comes on other runs, too"
     PULSE = "what changed at this very instant"
+    EARLIER = "the value before"
 
 
 class Group(enum.Enum):
@@ -39,6 +41,7 @@ class Group(enum.Enum):
     NONE = "none"
     PREFIX = "prefix"
     CALL = "call"
+    PATH = "brackets after A or E"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +67,18 @@ class Operator:
 
 _ROWS = (
     Operator("-->", 0, Group.NONE, Kind.BRANCHING),
-    Operator("<->", 1, Group.LEFT, Kind.LOGIC),
-    Operator("->", 2, Group.RIGHT, Kind.LOGIC),
-    Operator("|", 3, Group.LEFT, Kind.LOGIC, also=("||", "OR", "or")),
-    Operator("&", 4, Group.LEFT, Kind.LOGIC, also=("&&", "AND", "and")),
+    Operator("<->", 1, Group.LEFT, Kind.LOGIC, also=("↔",)),
+    Operator("->", 2, Group.RIGHT, Kind.LOGIC, also=("→", "imply")),
+    Operator("xor", 3, Group.LEFT, Kind.LOGIC, also=("XOR",)),
+    Operator("|", 3, Group.LEFT, Kind.LOGIC, also=("||", "OR", "or", "∨")),
+    Operator("&", 4, Group.LEFT, Kind.LOGIC, also=("&&", "AND", "and", "∧")),
     Operator("U", 5, Group.RIGHT, Kind.FUTURE, timed=True),
     Operator("W", 5, Group.RIGHT, Kind.FUTURE, timed=True),
     Operator("R", 5, Group.RIGHT, Kind.FUTURE, timed=True),
     Operator("S", 5, Group.RIGHT, Kind.PAST, timed=True),
-    Operator("!", 6, Group.PREFIX, Kind.LOGIC, also=("NOT", "not")),
-    Operator("G", 6, Group.PREFIX, Kind.FUTURE, timed=True),
-    Operator("F", 6, Group.PREFIX, Kind.FUTURE, timed=True),
+    Operator("!", 6, Group.PREFIX, Kind.LOGIC, also=("NOT", "not", "¬")),
+    Operator("G", 6, Group.PREFIX, Kind.FUTURE, timed=True, also=("[]", "□")),
+    Operator("F", 6, Group.PREFIX, Kind.FUTURE, timed=True, also=("<>", "◇")),
     Operator("X", 6, Group.PREFIX, Kind.FUTURE),
     Operator("H", 6, Group.PREFIX, Kind.PAST, timed=True),
     Operator("O", 6, Group.PREFIX, Kind.PAST, timed=True),
@@ -85,34 +89,44 @@ _ROWS = (
     Operator("EG", 6, Group.PREFIX, Kind.BRANCHING, also=("E[]",)),
     Operator("EF", 6, Group.PREFIX, Kind.BRANCHING, also=("E<>",)),
     Operator("EX", 6, Group.PREFIX, Kind.BRANCHING),
+    *(Operator(quantifier + until, 6, Group.PATH, Kind.BRANCHING)
+      for quantifier in "AE" for until in "UWR"),
     Operator("=", 7, Group.NONE, Kind.COMPARISON, also=("==",)),
-    Operator("!=", 7, Group.NONE, Kind.COMPARISON, also=("<>",)),
+    Operator("!=", 7, Group.NONE, Kind.COMPARISON, also=("<>", "≠")),
     Operator("<", 7, Group.NONE, Kind.COMPARISON),
-    Operator("<=", 7, Group.NONE, Kind.COMPARISON),
+    Operator("<=", 7, Group.NONE, Kind.COMPARISON, also=("≤",)),
     Operator(">", 7, Group.NONE, Kind.COMPARISON),
-    Operator(">=", 7, Group.NONE, Kind.COMPARISON),
+    Operator(">=", 7, Group.NONE, Kind.COMPARISON, also=("≥",)),
     Operator("+", 8, Group.LEFT, Kind.ARITHMETIC),
     Operator("-", 8, Group.LEFT, Kind.ARITHMETIC),
     Operator("*", 9, Group.LEFT, Kind.ARITHMETIC),
     Operator("/", 9, Group.LEFT, Kind.ARITHMETIC),
+    Operator("MOD", 9, Group.LEFT, Kind.ARITHMETIC, also=("mod",)),
     Operator("negate", 10, Group.PREFIX, Kind.ARITHMETIC, also=("-",)),
     Operator("rise", 11, Group.CALL, Kind.PULSE),
     Operator("fall", 11, Group.CALL, Kind.PULSE),
     Operator("changed", 11, Group.CALL, Kind.PULSE),
+    Operator("previous", 11, Group.CALL, Kind.EARLIER),
 )
 OPERATORS: dict[str, Operator] = {row.name: row for row in _ROWS}
 
+FUNCTIONS: dict[str, tuple[int, int | None]] = {
+    "abs": (1, 1), "min": (1, None), "max": (1, None), "ago": (2, 2)}
+"""Functions of numbers, and how many operands they take; `ago(x, 5s)` is x 5 s before."""
+
+_WORDLESS = (Group.PREFIX, Group.CALL, Group.PATH)
 _SPELLINGS = [(spelling, row) for row in _ROWS for spelling in (row.name, *row.also)]
-INFIX: dict[str, Operator] = {s: row for s, row in _SPELLINGS
-                              if row.group not in (Group.PREFIX, Group.CALL)}
+INFIX: dict[str, Operator] = {s: row for s, row in _SPELLINGS if row.group not in _WORDLESS}
 PREFIX: dict[str, Operator] = {s: row for s, row in _SPELLINGS if row.group is Group.PREFIX}
 CALLS: dict[str, Operator] = {s: row for s, row in _SPELLINGS if row.group is Group.CALL}
+CONSTANTS: dict[str, bool] = {"TRUE": True, "true": True, "FALSE": False, "false": False}
 RESERVED: frozenset[str] = frozenset(
-    [s for s, _ in _SPELLINGS if s.isalpha() and s != "negate"]
-    + ["TRUE", "FALSE", "true", "false"])
-"""Words that are not tags; a tag of that name is written in back quotes."""
+    [s for s, row in _SPELLINGS if s.isalpha() and s != "negate" and row.group is not Group.PATH]
+    + [*CONSTANTS, *FUNCTIONS, "deadlock"])
+"""Words that are printed in back quotes where they name a tag."""
 
-_PLAIN_NAME = re.compile(r"[^\W\d]\w*(?:\.\w+|\[\d+(?:,\d+)*\])*\Z|%[A-Za-z]+\d+(?:\.\d+)*\Z")
+_PLAIN_NAME = re.compile(r"[^\W\d]\w*(?:#\w+|(?:\.\w+|\[-?\d+(?:,-?\d+)*\])*)\Z"
+                         r"|%[A-Za-z]+\d+(?:\.\d+)*\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +168,10 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class TagRef:
-    """A tag by its full name, a unique ending of it, or its address."""
+    """A tag by its full name, a unique ending of it, or its address; or a value of an enumeration.
+
+    `GREEN` and `COLOR#GREEN` are values where they are compared with a tag of such a type.
+    """
 
     name: str
     span: Span = field(default=NOWHERE, compare=False)
@@ -212,7 +229,48 @@ class Binary:
         return text(self)
 
 
-Formula = TagRef | Literal | Duration | Unary | Binary
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of numbers; `name` is a key of `FUNCTIONS`."""
+
+    name: str
+    args: tuple[Formula, ...]
+    span: Span = field(default=NOWHERE, compare=False)
+
+    def __str__(self) -> str:
+        return text(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """An element of an array at computed indices: `level[n + 1]`, `tank[i].full`.
+
+    Attributes:
+        array: the array's name.
+        indices: one for each dimension.
+        rest: what follows the bracket, such as `.full`; may be empty.
+    """
+
+    array: str
+    indices: tuple[Formula, ...]
+    rest: str = ""
+    span: Span = field(default=NOWHERE, compare=False)
+
+    def __str__(self) -> str:
+        return text(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Deadlock:
+    """`deadlock`: no step can follow; a word of checkers."""
+
+    span: Span = field(default=NOWHERE, compare=False)
+
+    def __str__(self) -> str:
+        return "deadlock"
+
+
+Formula = TagRef | Literal | Duration | Unary | Binary | Call | Element | Deadlock
 
 TRUE, FALSE = Literal(True), Literal(False)
 
@@ -221,7 +279,22 @@ def children(formula: Formula) -> tuple[Formula, ...]:
     """Return the operands, left to right."""
     if isinstance(formula, Unary):
         return (formula.arg,)
-    return (formula.left, formula.right) if isinstance(formula, Binary) else ()
+    if isinstance(formula, Binary):
+        return (formula.left, formula.right)
+    if isinstance(formula, Call):
+        return formula.args
+    return formula.indices if isinstance(formula, Element) else ()
+
+
+def rebuilt(formula: Formula, parts: Sequence[Formula]) -> Formula:
+    """Return the formula with other operands; the reverse of `children`."""
+    if isinstance(formula, Unary):
+        return replace(formula, arg=parts[0])
+    if isinstance(formula, Binary):
+        return replace(formula, left=parts[0], right=parts[1])
+    if isinstance(formula, Call):
+        return replace(formula, args=tuple(parts))
+    return replace(formula, indices=tuple(parts)) if isinstance(formula, Element) else formula
 
 
 def walk(formula: Formula) -> Iterator[Formula]:
@@ -240,9 +313,10 @@ def tag_refs(formula: Formula) -> list[TagRef]:
 
 def is_state(formula: Formula) -> bool:
     """Tell whether the formula speaks of one instant only (pulses at that instant included)."""
-    timeless = (Kind.LOGIC, Kind.COMPARISON, Kind.ARITHMETIC, Kind.PULSE)
-    return all(OPERATORS[part.op].kind in timeless for part in walk(formula)
-               if isinstance(part, (Unary, Binary)))
+    timed = (Kind.FUTURE, Kind.PAST, Kind.BRANCHING)
+    return not any(isinstance(part, Deadlock) or (isinstance(part, (Unary, Binary))
+                                                  and OPERATORS[part.op].kind in timed)
+                   for part in walk(formula))
 
 
 def text(formula: Formula) -> str:
@@ -254,6 +328,10 @@ def text(formula: Formula) -> str:
         return formula.name if plain else f"`{formula.name}`"
     if isinstance(formula, Duration):
         return format_duration(formula.ns)
+    if isinstance(formula, (Call, Element)):
+        return _listed(formula)
+    if isinstance(formula, Deadlock):
+        return str(formula)
     if isinstance(formula.value, bool):
         return str(formula.value).upper()
     if isinstance(formula.value, str):
@@ -261,8 +339,18 @@ def text(formula: Formula) -> str:
     return repr(formula.value)
 
 
+def _listed(formula: Call | Element) -> str:
+    parts = ", ".join(text(part) for part in children(formula))
+    if isinstance(formula, Call):
+        return f"{formula.name}({parts})"
+    return f"{text(TagRef(formula.array))}[{parts}]{formula.rest}"
+
+
 def _operation(formula: Unary | Binary) -> str:
     row = OPERATORS[formula.op]
+    if row.group is Group.PATH and isinstance(formula, Binary):
+        path = replace(formula, op=row.name[1])
+        return f"{row.name[0]}[{text(path)}]"
     name = ("-" if row.name == "negate" else row.name) + str(formula.interval or "")
     if isinstance(formula, Binary):
         left = _operand(formula.left, row.level + (row.group is not Group.LEFT))

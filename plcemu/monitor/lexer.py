@@ -7,24 +7,27 @@ from dataclasses import dataclass
 
 from plcemu.base.spans import Diagnostic, Source, Span
 from plcemu.monitor.codes import diagnostic
-from plcemu.monitor.formula import CALLS, INFIX, PREFIX, RESERVED
+from plcemu.monitor.formula import CONSTANTS, INFIX, PREFIX
 
 _AMOUNT = r"\d[\d_]*(?:\.\d+)?(?:ms|us|µs|ns|min|d|h|m|s)"
-_SYMBOLS = sorted({s for s in (*INFIX, *PREFIX) if not s[0].isalpha()} | set("()[],:"),
+_SYMBOLS = sorted({s for s in (*INFIX, *PREFIX) if not s[0].isalpha()} | set("()[],:."),
                   key=len, reverse=True)
 _PATTERNS = (
     ("space", r"\s+|//[^\n]*|/\*.*?\*/"),
-    ("branch", r"[AE](?:\[\]|<>)"),
+    ("branch", r"[AE](?:\[\s*\]|<>|□|◇)"),
     ("duration", rf"(?i:l?time|lt|t)#-?[\w.]+|{_AMOUNT}(?:_?{_AMOUNT})*\b"),
+    ("based", r"(?:16#[\da-fA-F_]+|8#[0-7_]+|2#[01_]+)\b"),
     ("number", r"\d[\d_]*(?:\.\d+(?:[eE][+-]?\d+)?|[eE][+-]?\d+)?(?!\w)"),
-    ("name", r"[^\W\d]\w*(?:\.\w+)*|%[A-Za-z]+\d+(?:\.\d+)*"),
+    ("name", r"[^\W\d]\w*(?:#[^\W\d]\w*|(?:\.\w+)*)|%[A-Za-z]+\d+(?:\.\d+)*"),
     ("quoted", r"`[^`\n]+`"),
     ("text", r"'(?:\$.|[^'$\n])*'"),
     ("remark", r'"[^"\n]*"'),
     ("symbol", "|".join(re.escape(s) for s in _SYMBOLS)),
 )
 _TOKEN = re.compile("|".join(f"(?P<{kind}>{pattern})" for kind, pattern in _PATTERNS), re.DOTALL)
-_INDEX = re.compile(r"\[\d+(?:,\d+)*\](?:\.\w+)*")
+_INDEX = re.compile(r"\[ *-?\d+ *(?:, *-?\d+ *)*\](?:\.\w+)*")
+
+_WORDS = frozenset({*INFIX, *PREFIX, *CONSTANTS, "deadlock"} - {"negate"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +50,13 @@ def tokenize(source: Source, diagnostics: list[Diagnostic]) -> list[Token]:
         match = _TOKEN.match(source.text, position)
         end = match.end() if match else position + 1
         kind = match.lastgroup if match else None
-        if kind == "name" and source.text[position:end] not in RESERVED:
+        if kind == "name" and source.text[position:end] not in _WORDS:
             while index := _INDEX.match(source.text, end):
                 end = index.end()
         span = Span(source, position, end)
         word = source.text[position:end]
+        if kind in ("branch", "name"):
+            word = word.replace(" ", "")
         if kind is None:
             diagnostics.append(diagnostic("M0002", span, found=repr(word)))
         elif kind != "space":
@@ -63,6 +68,6 @@ def tokenize(source: Source, diagnostics: list[Diagnostic]) -> list[Token]:
 
 def _kind(kind: str, word: str) -> str:
     """Tell operators, written as words or as symbols, from names."""
-    if kind == "branch" or (kind == "name" and word in RESERVED and word not in CALLS):
+    if kind == "branch" or (kind == "name" and word in _WORDS):
         return "word"
-    return kind
+    return "number" if kind == "based" else kind

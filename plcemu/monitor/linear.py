@@ -14,10 +14,10 @@ from plcemu.base.spans import Diagnostic
 from plcemu.monitor.codes import diagnostic
 from plcemu.monitor.formula import (
     FALSE,
-    NOWHERE,
     OPERATORS,
     TRUE,
     Binary,
+    Deadlock,
     Formula,
     Kind,
     Literal,
@@ -27,11 +27,11 @@ from plcemu.monitor.formula import (
     walk,
 )
 
-_ON_ALL_RUNS = {"AG": "G", "AF": "F"}
-_ON_SOME_RUN = {"EG": "G", "EF": "F"}
-_FLIPPED, _BOTH = frozenset({"!"}), frozenset({"<->"})
-_NEXT_SCAN = ("when the next scan comes is not known beforehand; say what held just before "
-              "with Y, as in G (q -> Y p), or give a time, as in F[0s,20ms] q")
+_ON_ALL_RUNS = {"AG": "G", "AF": "F", "AX": "X", "AU": "U", "AW": "W", "AR": "R"}
+_ON_SOME_RUN = {"EG": "G", "EF": "F", "EX": "X", "EU": "U", "EW": "W", "ER": "R"}
+_FLIPPED, _BOTH = frozenset({"!"}), frozenset({"<->", "xor"})
+_NEXT_SCAN = ("the instant of the next scan is not known beforehand; after X only tags, numbers, "
+              "! & | and rise, fall, changed may stand, or give a time, as in F[0s,20ms] q")
 
 
 def on_one_run(formula: Formula, diagnostics: list[Diagnostic]) -> Formula:
@@ -46,20 +46,23 @@ class _Rewriter:
         self.diagnostics = diagnostics
 
     def rewrite(self, formula: Formula, demanded: bool, forbidden: bool) -> Formula:
+        if isinstance(formula, Deadlock):
+            self.report("M0020", formula, "whether any step can follow is a question about all "
+                                          "steps that could; prove it with 'plcemu verify'")
         if not isinstance(formula, (Unary, Binary)):
             return formula
         kind = OPERATORS[formula.op].kind
-        if kind in (Kind.COMPARISON, Kind.ARITHMETIC, Kind.PULSE):
+        if kind in (Kind.COMPARISON, Kind.ARITHMETIC, Kind.PULSE, Kind.EARLIER):
             self.check_timeless(formula)
             return formula
-        if isinstance(formula, Binary):
-            return self.binary(formula, demanded, forbidden)
-        if formula.op in ("X", "AX", "EX"):
-            self.report("M0021", formula, _NEXT_SCAN)
         op = formula.op
-        if kind is Kind.BRANCHING:
+        if kind is Kind.BRANCHING and op != "-->":
             op = self.branching(formula, demanded, forbidden)
-        if formula.op in _FLIPPED:
+        if isinstance(formula, Binary):
+            return self.binary(replace(formula, op=op), demanded, forbidden)
+        if op == "X" and not is_state(formula.arg):
+            self.report("M0021", formula, _NEXT_SCAN)
+        if op in _FLIPPED:
             demanded, forbidden = forbidden, demanded
         return replace(formula, op=op, arg=self.rewrite(formula.arg, demanded, forbidden))
 
@@ -70,6 +73,9 @@ class _Rewriter:
         left = self.rewrite(formula.left, *((forbidden, demanded) if flips
                                             else (demanded, forbidden)))
         right = self.rewrite(formula.right, demanded, forbidden)
+        if formula.op == "xor":
+            return Unary("!", replace(formula, op="<->", left=left, right=right), None,
+                         formula.span)
         if formula.op != "-->":
             return replace(formula, left=left, right=right)
         if forbidden:
@@ -78,31 +84,30 @@ class _Rewriter:
         response = Binary("->", left, Unary("F", right, None, right.span), None, formula.span)
         return Unary("G", response, None, formula.span)
 
-    def branching(self, formula: Unary, demanded: bool, forbidden: bool) -> str:
+    def branching(self, formula: Unary | Binary, demanded: bool, forbidden: bool) -> str:
         """Return the operator that means the same on one run."""
         table = {} if demanded and forbidden else _ON_ALL_RUNS if demanded else _ON_SOME_RUN
         if formula.op in table:
             return table[formula.op]
-        if formula.op not in ("AX", "EX"):
-            what = "all runs" if formula.op in _ON_ALL_RUNS else "some run"
-            self.report("M0020", formula,
-                        f"{formula.op} on {what} cannot be judged here from the one run that a "
-                        "monitor sees; prove it with 'plcemu verify'")
-        return (_ON_ALL_RUNS | _ON_SOME_RUN).get(formula.op, "F")
+        what = "all runs" if formula.op in _ON_ALL_RUNS else "some run"
+        self.report("M0020", formula,
+                    f"{formula.op} on {what} cannot be judged here from the one run that a "
+                    "monitor sees; prove it with 'plcemu verify'")
+        return (_ON_ALL_RUNS | _ON_SOME_RUN)[formula.op]
 
-    def check_timeless(self, formula: Unary | Binary) -> None:
-        """Report temporal operators under a comparison, arithmetic or a pulse."""
-        pulse = OPERATORS[formula.op].kind is Kind.PULSE
+    def check_timeless(self, formula: Formula) -> None:
+        """Report temporal operators under a comparison, arithmetic, a function or a pulse."""
+        pulse = isinstance(formula, Unary) and OPERATORS[formula.op].kind in (
+            Kind.PULSE, Kind.EARLIER)
         for part in children(formula):
-            if not is_state(part) or (pulse and _has_pulse(part)):
+            if not is_state(part) or (pulse and looks_back(part)):
                 self.report("M0022", part, "only tags, numbers and ! & | may stand there")
-            elif isinstance(part, (Unary, Binary)):
+            else:
                 self.check_timeless(part)
 
-    def report(self, code: str, formula: Unary | Binary | Formula, hint: str) -> None:
-        span = getattr(formula, "span", NOWHERE)
+    def report(self, code: str, formula: Formula, hint: str) -> None:
         name = getattr(formula, "op", str(formula))
-        self.diagnostics.append(diagnostic(code, span, hint, found=repr(name)))
+        self.diagnostics.append(diagnostic(code, formula.span, hint, found=repr(name)))
 
 
 def _folded(formula: Formula) -> Formula:
@@ -150,6 +155,7 @@ _UNITS: dict[str, tuple[_Units, _Units]] = {
 }
 
 
-def _has_pulse(formula: Formula) -> bool:
-    return any(isinstance(part, Unary) and OPERATORS[part.op].kind is Kind.PULSE
+def looks_back(formula: Formula) -> bool:
+    """Tell whether rise, fall, changed or previous occur, so that it may hold for one instant."""
+    return any(isinstance(part, Unary) and OPERATORS[part.op].kind in (Kind.PULSE, Kind.EARLIER)
                for part in walk(formula))

@@ -1,106 +1,242 @@
-"""Any formula as a network of signal operations that is kept up to date as time passes.
+"""Any linear formula as a network of nodes that learn, stretch by stretch, what is known.
 
-Each node keeps its signal from the first instant that is still open on; what is settled has been
-absorbed by the node above and is forgotten. So memory is bounded by the changes inside the
-windows that are still open, and `LIMIT` bounds it where a formula keeps windows open for ever,
-as `F (p & G q)` does.
+Every node keeps the stretches of time on which its value is final. What becomes known of an atom
+is handed up: each node works out what that makes known of itself and hands on just that. So the
+work for a change is in proportion to what the change decides, not to what is kept, and a formula
+is decided as early as its parts allow. What no node above still asks for is forgotten: memory is
+bounded by the changes inside the windows that are open, and `LIMIT` bounds it where a formula
+keeps windows open for ever, as `F (p & G q)` does.
+
+Time is a whole number of ns since the first frame. Values are ordered NO < UNSURE < YES; UNSURE is
+final too: it hinged on a value that was not known (bad quality). What is not final is open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from bisect import bisect_right
 
 from plcemu.base.errors import LimitError
-from plcemu.monitor.bind import State
-from plcemu.monitor.formula import TRUE, Binary, Formula, Interval, Literal, Unary, is_state
+from plcemu.monitor.bind import State, Values
 from plcemu.monitor.signals import (
     BEYOND,
     NO,
-    OPEN,
+    UNSURE,
     YES,
     Signal,
-    conjunction,
+    combined,
     negation,
-    pairs,
     put,
     since,
     since_start,
     until,
     until_end,
-    value_at,
     window,
 )
 
 LIMIT = 100_000
 """The largest number of stretches that a node keeps."""
 
+Stretch = tuple[int, int, int]
+"""First instant, last instant, value."""
+
+Undo = tuple["Node", int, list[Stretch], int]
+"""Which node, at which place, what stood there, how many stand there now."""
+
 
 class Node:
-    """One operation; `settled` is the first instant at which its own value is still open."""
+    """One operation.
 
-    reach_ns = 0
-    """How far from an instant, in ns, the operands are looked at."""
+    Attributes:
+        args: the operands.
+        parents: who is told, and as which operand.
+        known: the final stretches, in order; neighbours that touch differ in value.
+        first: the first instant that is open, or that nobody asks for the ones before.
+        need: the first instant that a parent may still ask for.
+    """
+
+    journal: list[Undo] | None = None
+    keeps_order = False
+    """Whether each instant builds on the one before, so that none may be passed over."""
 
     def __init__(self, *args: Node) -> None:
         self.args = args
-        self.out: Signal = [(0, OPEN)]
-        self.settled = 0
+        self.parents: list[tuple[Node, int]] = []
+        self.known: list[Stretch] = []
+        self.starts: list[int] = []
+        self.first = 0
+        self.need = 0
 
-    def compute(self, args: list[Signal]) -> Signal:
-        """Return the signal from `settled` on."""
+    def begin(self) -> None:
+        """Learn what the operands know from the start; called once, operands first."""
+        for which, arg in enumerate(self.args):
+            for start, end, value in arg.known:
+                self.learn(which, start, end, value)
+
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        """Take it that an operand has become known on a stretch."""
         raise NotImplementedError
 
-    def needs_from(self) -> int:
-        """Return the first instant at which the operands are still asked for."""
-        return self.settled
+    def finite(self, args: list[Signal]) -> Signal:
+        """Return the signal where all operands are known for ever."""
+        raise NotImplementedError
 
-    def known(self, end: int) -> Signal:
-        """Return the signal as far as it is known once the instant `end` has been seen."""
-        if self.settled >= BEYOND:
-            return self.out
-        fresh = self.compute([arg.known(end) for arg in self.args])
-        return self._joined(fresh)
+    # ------------------------------------------------------------ what is known
 
-    def commit(self, end: int) -> None:
-        """Settle what is known once the instant `end` has been seen."""
-        if self.settled < BEYOND:
-            for arg in self.args:
-                arg.commit(end)
-            self.keep(self._joined(self.compute([arg.out for arg in self.args])))
+    def at(self, t: int) -> int | None:
+        """Return the value at an instant; None if it is open."""
+        i = bisect_right(self.starts, t) - 1
+        return self.known[i][2] if i >= 0 and self.known[i][1] >= t else None
 
-    def keep(self, signal: Signal) -> None:
-        """Make a signal the node's own."""
-        if len(signal) > LIMIT:
+    def within(self, start: int, end: int) -> list[Stretch]:
+        """Return the known stretches that overlap one."""
+        i = bisect_right(self.starts, start)
+        if i and self.known[i - 1][1] >= start:
+            i -= 1
+        return self.known[i:bisect_right(self.starts, end)]
+
+    def around(self, t: int) -> tuple[int, int, int, int]:
+        """Return the stretch about an instant: least and greatest value, first and last instant."""
+        i = bisect_right(self.starts, t) - 1
+        if i >= 0 and self.known[i][1] >= t:
+            start, end, value = self.known[i]
+            return value, value, start, end
+        before = self.known[i][1] + 1 if i >= 0 else 0
+        after = self.starts[i + 1] - 1 if i + 1 < len(self.starts) else BEYOND
+        return NO, YES, before, after
+
+    def decide(self, start: int, end: int, value: int) -> None:
+        """Make known what is still open of a stretch, and tell the parents."""
+        start = max(start, self.first)
+        known = self.known
+        if known and start >= known[-1][0]:
+            # Mostly time goes on: what is new begins where the last stretch ends, or later.
+            start = max(start, known[-1][1] + 1)
+        elif known:
+            self._insert(start, end, value)
+            return
+        if end < start:
+            return
+        if self.journal is not None:
+            self.journal.append((self, len(known), [], 1))
+        if known and known[-1][1] == start - 1 and known[-1][2] == value:
+            begin = known[-1][0]
+            if self.journal is not None:
+                self.journal[-1] = (self, len(known) - 1, known[-1:], 1)
+            known[-1] = (begin, end, value)
+        else:
+            known.append((start, end, value))
+            self.starts.append(start)
+        for parent, which in self.parents:
+            parent.learn(which, start, end, value)
+
+    def _insert(self, start: int, end: int, value: int) -> None:
+        """Make known what is still open of a stretch that does not begin in the last one."""
+        if end < start:
+            return
+        known, starts = self.known, self.starts
+        i = bisect_right(starts, start)
+        if i and known[i - 1][1] >= start - 1:
+            i -= 1
+        j = i
+        while j < len(known) and starts[j] <= end + 1:
+            j += 1
+        touched = known[i:j]
+        fresh: list[tuple[int, int]] = []
+        merged: list[Stretch] = []
+        free = start
+        for piece in touched:
+            if free < piece[0] and free <= end:
+                fresh.append((free, min(end, piece[0] - 1)))
+                _join(merged, (*fresh[-1], value))
+            _join(merged, piece)
+            free = max(free, piece[1] + 1)
+        if free <= end:
+            fresh.append((free, end))
+            _join(merged, (free, end, value))
+        if not fresh:
+            return
+        if self.journal is not None:
+            self.journal.append((self, i, touched, len(merged)))
+        known[i:j] = merged
+        starts[i:j] = [piece[0] for piece in merged]
+        for a, b in fresh:
+            for parent, which in self.parents:
+                parent.learn(which, a, b, value)
+
+    def undo(self, i: int, touched: list[Stretch], count: int) -> None:
+        """Take back what was made known."""
+        self.known[i:i + count] = touched
+        self.starts[i:i + count] = [piece[0] for piece in touched]
+
+    # ------------------------------------------------------------ forgetting
+
+    def settle(self) -> None:
+        """Move `first` over what has become known."""
+        i = bisect_right(self.starts, self.first) - 1
+        while 0 <= i < len(self.known) and self.known[i][0] <= self.first <= self.known[i][1]:
+            self.first = self.known[i][1] + 1
+            i += 1
+
+    def asks_from(self) -> int:
+        """Return the first instant that the operands are still asked for."""
+        return self.first
+
+    def forget(self) -> None:
+        """Drop what nobody asks for.
+
+        Raises:
+            LimitError: too much is kept.
+        """
+        need = self.need
+        if self.keeps_order:
+            need = min(need, self.first - 1)
+        else:
+            self.first = max(self.first, need)
+        if self.known and self.known[0][1] < need:
+            count = 1
+            while count < len(self.known) and self.known[count][1] < need:
+                count += 1
+            del self.known[:count], self.starts[:count]
+        if len(self.known) > LIMIT:
             raise LimitError(f"more than {LIMIT} changes wait for a decision; bound the formula's "
                              "operators by intervals")
-        self.out = signal
-        self.settled = next((s for s, v in signal if v == OPEN and s >= self.settled), BEYOND)
 
-    def finite(self, end: int) -> Signal:
-        """Return the signal if the run ended with the instant `end`: what is not seen is not."""
-        args = [until_end(arg.finite(end), end, NO) for arg in self.args]
-        if self.settled >= BEYOND:
-            return self.out
-        filled: Signal = []
-        for start, known, guess in pairs(since_start(self.out, self.settled), self.compute(args)):
-            put(filled, start, guess if known == OPEN else known)
-        return self._joined(filled)
+    # ------------------------------------------------------------ a run that is cut
 
-    def forget(self, need: int) -> None:
-        """Drop what ends before the instant `need`, here and below."""
-        first, out = 0, self.out
-        while first + 1 < len(out) and out[first + 1][0] <= need:
-            first += 1
-        if first:
-            self.out = out[first:]
-        below = self.needs_from()
-        for arg in self.args:
-            arg.forget(below)
+    def cut(self, end: int, args: list[Signal]) -> Signal:
+        """Return the signal if the run ended with an instant: what is not seen is not."""
+        guess = self.finite([until_end(arg, end, NO) for arg in args])
+        return _filled(self.known, guess, self.first)
 
-    def _joined(self, fresh: Signal) -> Signal:
-        head = [stretch for stretch in self.out if stretch[0] < self.settled]
-        put(head, *fresh[0])
-        return head + fresh[1:]
+
+def _join(pieces: list[Stretch], piece: Stretch) -> None:
+    if pieces and pieces[-1][1] == piece[0] - 1 and pieces[-1][2] == piece[2]:
+        pieces[-1] = (pieces[-1][0], piece[1], piece[2])
+    else:
+        pieces.append(piece)
+
+
+def _filled(known: list[Stretch], guess: Signal, first: int) -> Signal:
+    """Return the known stretches, and a signal where nothing is known."""
+    result: Signal = []
+    free = 0
+    for start, end, value in known:
+        _copy(result, guess, free, start)
+        put(result, start, value)
+        free = end + 1
+    _copy(result, guess, free, BEYOND)
+    return result or [(first, NO)]
+
+
+def _copy(result: Signal, guess: Signal, start: int, end: int) -> None:
+    """Append what a signal is from `start` to before `end`."""
+    if start >= end:
+        return
+    i = max(0, bisect_right(guess, start, key=lambda piece: piece[0]) - 1)
+    for begin, value in guess[i:]:
+        if begin >= end:
+            break
+        put(result, max(begin, start), value)
 
 
 class Constant(Node):
@@ -108,198 +244,281 @@ class Constant(Node):
 
     def __init__(self, value: int) -> None:
         super().__init__()
-        self.out, self.settled = [(0, value)], BEYOND
+        self.value = value
+        self.known, self.starts = [(0, BEYOND, value)], [0]
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return [(0, self.value)]
+
+    def forget(self) -> None:
+        """It is never too much."""
 
 
 class Atom(Node):
-    """A state formula; its signal reaches beyond what has been seen, as if nothing changed."""
+    """A state formula; it holds its value until the next change."""
 
     def __init__(self, state: State) -> None:
         super().__init__()
         self.state = state
-        self.reach_ns = int(state.pulsed)
-        self.seen: Signal = []
+        self.value = NO
+        self.last = -1
 
-    def step(self, t: int, at: bool, after: bool) -> None:
-        """Take the value at an instant and the value from the next ns on."""
-        put(self.seen, t, YES if at else NO)
-        if at is not after:
-            put(self.seen, t + 1, YES if after else NO)
+    def read(self, now: Values, before: Values, sure: bool) -> int:
+        """Return the value for the values of the tags."""
+        state = self.state
+        if sure:
+            return YES if state.holds(now, before) else NO
+        found = state.kleene(now, before)
+        return UNSURE if found is None else YES if found else NO
 
-    def known(self, end: int) -> Signal:
-        return until_end(self.seen, end, OPEN)
+    def extend(self, t: int) -> None:
+        """Take it that the value has held up to and with an instant."""
+        if t > self.last:
+            self.decide(self.last + 1, t, self.value)
 
-    def commit(self, end: int) -> None:
-        self.keep(until_end(self.seen, end, OPEN))
+    def finite(self, args: list[Signal]) -> Signal:
+        return [(0, self.value)]
 
-    def finite(self, end: int) -> Signal:
-        return until_end(self.seen, end, NO)
+    def cut(self, end: int, args: list[Signal]) -> Signal:
+        return until_end(_filled(self.known, [(0, self.value)], self.first), end, NO)
 
-    def forget(self, need: int) -> None:
-        while len(self.seen) > 1 and self.seen[1][0] <= need:
-            del self.seen[0]
+
+class NextAtom(Atom):
+    """A state formula in the next scan; known when the scan after the last is known.
+
+    A scan that leaves no frame changed nothing. Of the scans between two frames only the last
+    shows what the second frame brings; it is taken to stand in the last ns before it.
+    """
+
+    def extend(self, t: int) -> None:
+        """Time alone tells nothing of the next scan."""
+
+    def reveal(self, t: int, value: int, next_scan: bool) -> None:
+        """Take what came in the frame at an instant; `self.value` is for a scan without change."""
+        if not next_scan:
+            self.decide(self.last + 1, t - 2, self.value)
+        self.decide(self.last + 1, t - 1, value)
 
 
 class Not(Node):
     """Not p."""
 
-    def compute(self, args: list[Signal]) -> Signal:
-        return negation(since_start(args[0], self.settled))
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        self.decide(start, end, YES - value)
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return negation(args[0])
 
 
 class And(Node):
     """p and q."""
 
-    def compute(self, args: list[Signal]) -> Signal:
-        return conjunction(*(since_start(arg, self.settled) for arg in args))
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        if value == NO:
+            self.decide(start, end, NO)
+            return
+        for first, last, other in self.args[1 - which].within(start, end):
+            self.decide(max(first, start), min(last, end), min(value, other))
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return combined(args[0], args[1], min)
+
+
+class Or(Node):
+    """p or q."""
+
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        if value == YES:
+            self.decide(start, end, YES)
+            return
+        for first, last, other in self.args[1 - which].within(start, end):
+            self.decide(max(first, start), min(last, end), max(value, other))
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return combined(args[0], args[1], max)
 
 
 class Window(Node):
-    """p somewhere between two instants, both relative to now, in ns."""
+    """p somewhere between two instants, both relative to now, in ns; before 0 it is nowhere."""
 
     def __init__(self, arg: Node, low_ns: int, high_ns: int) -> None:
         super().__init__(arg)
         self.low_ns, self.high_ns = low_ns, high_ns
-        self.reach_ns = max(abs(low_ns), abs(high_ns)) + 1
 
-    def compute(self, args: list[Signal]) -> Signal:
-        return window(args[0], self.low_ns, self.high_ns, self.settled)
+    def begin(self) -> None:
+        self.decide(0, -self.high_ns - 1, NO)
+        super().begin()
 
-    def needs_from(self) -> int:
-        return max(0, self.settled + self.low_ns)
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        low, high = self.low_ns, self.high_ns
+        if value == YES:
+            self.decide(start - high, _later(end, -low), YES)
+            return
+        first, last = self._run(start)
+        first = max(first - low, start - high)
+        last = min(_later(last, -high), _later(end, -low))
+        if first <= last:
+            for begin, until_, found in self.args[0].within(max(0, first + low), last + high):
+                if found == UNSURE:
+                    self.decide(max(first, begin - high), min(last, until_ - low), UNSURE)
+            self.decide(first, last, NO)
+
+    def _run(self, t: int) -> tuple[int, int]:
+        """Return the longest stretch about an instant on which p is known not to be YES."""
+        known, starts = self.args[0].known, self.args[0].starts
+        i = j = bisect_right(starts, t) - 1
+        while i > 0 and known[i - 1][1] == known[i][0] - 1 and known[i - 1][2] != YES:
+            i -= 1
+        while j + 1 < len(known) and known[j + 1][0] == known[j][1] + 1 and known[j + 1][2] != YES:
+            j += 1
+        return (known[i][0] if known[i][0] > 0 else -BEYOND), known[j][1]
+
+    def asks_from(self) -> int:
+        return max(0, self.first + self.low_ns)
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return window(args[0], self.low_ns, self.high_ns, 0)
+
+
+def _later(t: int, by: int) -> int:
+    """Return an instant so much later; what lasts for ever still does."""
+    return BEYOND if t >= BEYOND else min(t + by, BEYOND)
 
 
 class Until(Node):
-    """p until q, without a bound."""
+    """p until q, without a bound: q comes, and p holds until then."""
 
-    def compute(self, args: list[Signal]) -> Signal:
-        return until(*(since_start(arg, self.settled) for arg in args))
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        left, right = self.args
+        t = end
+        least, greatest = self.around(t + 1)[:2] if t < BEYOND else (NO, NO)
+        while t >= self.first:
+            own_least, own_greatest, own_start, _ = self.around(t)
+            if own_least == own_greatest:
+                if t < start:
+                    return
+                least, greatest, t = own_least, own_greatest, own_start - 1
+                continue
+            p_least, p_greatest, p_start, _ = left.around(t)
+            q_least, q_greatest, q_start, _ = right.around(t)
+            begin = max(own_start, p_start, q_start)
+            least = max(q_least, min(p_least, least))
+            greatest = max(q_greatest, min(p_greatest, greatest))
+            if least == greatest:
+                self.decide(begin, t, least)
+            elif begin <= start:
+                return
+            t = begin - 1
+
+    def finite(self, args: list[Signal]) -> Signal:
+        return until(args[0], args[1])
 
 
 class Since(Node):
-    """p since q, without a bound."""
+    """p since q, without a bound: q has been, and p has held since."""
 
-    def compute(self, args: list[Signal]) -> Signal:
-        before = value_at(self.out, self.settled - 1) if self.settled else NO
-        left, right = (since_start(arg, self.settled) for arg in args)
-        return since(left, right, before)
+    keeps_order = True
 
-    def forget(self, need: int) -> None:
-        super().forget(min(need, self.settled - 1))
+    def learn(self, which: int, start: int, end: int, value: int) -> None:
+        left, right = self.args
+        t = max(start, self.first)
+        least, greatest = self.around(t - 1)[:2] if t > 0 else (NO, NO)
+        while t < BEYOND:
+            own_least, own_greatest, _, own_end = self.around(t)
+            if own_least == own_greatest:
+                if t > end:
+                    return
+                least, greatest, t = own_least, own_greatest, own_end + 1
+                continue
+            p_least, p_greatest, _, p_end = left.around(t)
+            q_least, q_greatest, _, q_end = right.around(t)
+            last = min(own_end, p_end, q_end)
+            least = max(q_least, min(p_least, least))
+            greatest = max(q_greatest, min(p_greatest, greatest))
+            if least == greatest:
+                self.decide(t, last, least)
+            elif last >= end:
+                return
+            t = last + 1
 
+    def finite(self, args: list[Signal]) -> Signal:
+        return since(args[0], args[1], NO)
 
-class Builder:
-    """Turns a linear formula into nodes; every tag-only part becomes one atom."""
-
-    def __init__(self, compile_state: Callable[[Formula], State]) -> None:
-        self.compile_state = compile_state
-        self.atoms: list[Atom] = []
-        self.nodes: dict[int, Node] = {}
-
-    def build(self, formula: Formula) -> Node:
-        """Return the node of a formula, and remember it under the formula's identity."""
-        node = self._build(formula)
-        self.nodes[id(formula)] = node
-        return node
-
-    def _build(self, formula: Formula) -> Node:
-        if isinstance(formula, Literal):
-            return Constant(YES if formula.value else NO)
-        if is_state(formula):
-            atom = Atom(self.compile_state(formula))
-            self.atoms.append(atom)
-            return atom
-        if isinstance(formula, Unary):
-            return _UNARY[formula.op](self, formula)
-        assert isinstance(formula, Binary)
-        return _BINARY[formula.op](self, formula)
+    def cut(self, end: int, args: list[Signal]) -> Signal:
+        left, right = (since_start(until_end(arg, end, NO), self.first) for arg in args)
+        before = self.at(self.first - 1) if self.first else NO
+        return _filled(self.known, since(left, right, NO if before is None else before),
+                       self.first)
 
 
-def _interval(formula: Unary | Binary) -> tuple[int, int | None]:
-    interval = formula.interval or Interval()
-    return interval.first_ns, interval.last_ns
+class Network:
+    """The nodes of one formula.
 
+    Args:
+        order: all nodes, operands before those who use them.
+        root: the node of the whole formula.
+    """
 
-def _eventually(arg: Node, low: int, high: int | None) -> Node:
-    if high is not None:
-        return Window(arg, low, high)
-    ahead = Until(Constant(YES), arg)
-    return Window(ahead, low, low) if low else ahead
+    def __init__(self, order: list[Node], root: Node) -> None:
+        self.order, self.root = order, root
+        self.atoms = [node for node in order if isinstance(node, Atom)]
+        self.asks_next = any(isinstance(node, NextAtom) for node in order)
+        for node in order:
+            node.parents = []
+        for node in order:
+            for which, arg in enumerate(node.args):
+                arg.parents.append((node, which))
+        for node in order:
+            node.begin()
 
+    def verdict(self) -> int | None:
+        """Return the formula's value at the start; None while it is open."""
+        return self.root.at(0)
 
-def _once(arg: Node, low: int, high: int | None) -> Node:
-    if high is not None:
-        return Window(arg, -high, -low)
-    behind = Since(Constant(YES), arg)
-    return Window(behind, -low, -low) if low else behind
+    def pass_time(self, t: int) -> None:
+        """Take it that nothing changed up to and with an instant."""
+        for atom in self.atoms:
+            atom.extend(t)
+            if type(atom) is Atom and t > atom.last:
+                atom.last = t
 
+    def decided_by(self, t: int) -> bool:
+        """Tell whether the verdict falls until an instant if nothing changes; nothing is kept."""
+        journal: list[Undo] = []
+        for node in self.order:
+            node.journal = journal
+        for atom in self.atoms:
+            atom.extend(t)
+        decided = self.verdict() is not None
+        for node in self.order:
+            node.journal = None
+        for node, i, touched, count in reversed(journal):
+            node.undo(i, touched, count)
+        return decided
 
-def _or(left: Node, right: Node) -> Node:
-    return Not(And(Not(left), Not(right)))
+    def settle(self) -> None:
+        """Move every node's `first` over what has become known."""
+        for node in self.order:
+            node.settle()
 
+    def forget(self, kept: dict[Node, int]) -> None:
+        """Drop what nobody asks for; `kept` says of some nodes from when on they are asked for.
 
-def _bounded(make: Callable[[], tuple[Node, Node]], formula: Binary, joined: type[Node],
-             somewhere: Callable[[Node, int, int | None], Node]) -> Node:
-    """Return p U[a,b] q or p S[a,b] q from the unbounded operator; `make` gives fresh operands."""
-    low, high = _interval(formula)
-    node: Node = joined(*make())
-    if high is not None:
-        node = And(node, somewhere(make()[1], 0, high - low))
-    if low:
-        throughout = Not(somewhere(Not(make()[0]), 0, low - 1))
-        node = And(throughout, somewhere(node, low, low))
-    return node
+        Raises:
+            LimitError: too much is kept.
+        """
+        for node in self.order:
+            node.need = kept.get(node, BEYOND)
+        self.root.need = 0
+        for node in reversed(self.order):
+            node.forget()
+            asks = node.asks_from()
+            for arg in node.args:
+                arg.need = min(arg.need, asks)
 
-
-def _until(b: Builder, f: Binary) -> Node:
-    return _bounded(lambda: (b.build(f.left), b.build(f.right)), f, Until, _eventually)
-
-
-def _since(b: Builder, f: Binary) -> Node:
-    return _bounded(lambda: (b.build(f.left), b.build(f.right)), f, Since, _once)
-
-
-def _release(b: Builder, f: Binary) -> Node:
-    return Not(_bounded(lambda: (Not(b.build(f.left)), Not(b.build(f.right))), f, Until,
-                        _eventually))
-
-
-def _weak_until(b: Builder, f: Binary) -> Node:
-    throughout = Not(_eventually(Not(b.build(f.left)), 0, _interval(f)[1]))
-    return _or(_until(b, f), throughout)
-
-
-def _implies(b: Builder, f: Binary) -> Node:
-    return Not(And(b.build(f.left), Not(b.build(f.right))))
-
-
-def _equivalent(b: Builder, f: Binary) -> Node:
-    return And(_implies(b, f), Not(And(b.build(f.right), Not(b.build(f.left)))))
-
-
-_UNARY: dict[str, Callable[[Builder, Unary], Node]] = {
-    "!": lambda b, f: Not(b.build(f.arg)),
-    "F": lambda b, f: _eventually(b.build(f.arg), *_interval(f)),
-    "G": lambda b, f: Not(_eventually(Not(b.build(f.arg)), *_interval(f))),
-    "O": lambda b, f: _once(b.build(f.arg), *_interval(f)),
-    "H": lambda b, f: Not(_once(Not(b.build(f.arg)), *_interval(f))),
-    "Y": lambda b, f: Window(b.build(f.arg), -1, -1),
-}
-_BINARY: dict[str, Callable[[Builder, Binary], Node]] = {
-    "&": lambda b, f: And(b.build(f.left), b.build(f.right)),
-    "|": lambda b, f: _or(b.build(f.left), b.build(f.right)),
-    "->": _implies,
-    "<->": _equivalent,
-    "U": _until,
-    "W": _weak_until,
-    "R": _release,
-    "S": _since,
-}
-
-
-def total_reach_ns(node: Node) -> int:
-    """Return an upper bound of how far apart in time, in ns, one instant and its causes can be."""
-    return node.reach_ns + sum(total_reach_ns(arg) for arg in node.args)
-
-
-__all__ = ["LIMIT", "TRUE", "Atom", "Builder", "Node", "total_reach_ns"]
+    def cut(self, end: int) -> int:
+        """Return the formula's value at the start if the run ended with an instant."""
+        signals: dict[int, Signal] = {}
+        for node in self.order:
+            signals[id(node)] = node.cut(end, [signals[id(arg)] for arg in node.args])
+        return signals[id(self.root)][0][1]

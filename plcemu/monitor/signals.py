@@ -1,8 +1,9 @@
-"""Three-valued signals over time, and the few operations that all of temporal logic needs.
+"""Signals over time that are known throughout, and the operations that all of temporal logic needs.
 
 A signal is a list of (start, value) pairs in order of start, neighbours of different value; each
 holds until the next, the last one for ever. Time is a whole number of ns since the first frame;
-before 0 nothing was true. Values are Kleene's: `NO`, `OPEN` (the future decides), `YES`.
+before 0 nothing was true. Values are Kleene's: `NO`, `UNSURE` (it hinges on a value that was not
+known), `YES`.
 
 Every operator of the language is one of five operations, because on whole ns
 
@@ -10,25 +11,18 @@ Every operator of the language is one of five operations, because on whole ns
     p U[a,b] q = G[0,a-1] p & F[a,a] ((p U q) & F[0,b-a] q)                and so for S,
 
 and G, H, W and R are their duals. With the expansions of the source below they also agree in
-three values, so a formula is decided as early as its parts allow.
+three values, so a formula is decided as early as its parts allow. Here they say how a formula
+stands where a run is cut; `plcemu.monitor.network` works them out while a run goes on.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 Signal = list[tuple[int, int]]
-NO, OPEN, YES = 0, 1, 2
+NO, UNSURE, YES = 0, 1, 2
 BEYOND = 1 << 80
 """Later than every instant."""
-
-
-def value_at(signal: Signal, t: int) -> int:
-    """Return the value at an instant not before the signal's first."""
-    value = OPEN
-    for start, held in signal:
-        if start > t:
-            break
-        value = held
-    return value
 
 
 def put(signal: Signal, start: int, value: int) -> None:
@@ -61,11 +55,11 @@ def negation(signal: Signal) -> Signal:
     return [(start, YES - value) for start, value in signal]
 
 
-def conjunction(left: Signal, right: Signal) -> Signal:
-    """Return p and q; both signals start at the same instant."""
+def combined(left: Signal, right: Signal, choose: Callable[[int, int], int]) -> Signal:
+    """Return p and q (by `min`) or p or q (by `max`); both signals start at the same instant."""
     result: Signal = []
     for start, p, q in pairs(left, right):
-        put(result, start, p if p < q else q)
+        put(result, start, choose(p, q))
     return result
 
 
@@ -102,9 +96,9 @@ def window(child: Signal, low: int, high: int, start: int) -> Signal:
 
 
 def _painted(found: list[tuple[int, int, int]], start: int) -> Signal:
-    """Lay known stretches over a signal that is OPEN everywhere; they agree where they overlap."""
+    """Lay stretches over a signal that is UNSURE everywhere; they agree where they overlap."""
     found.sort()
-    result: Signal = [(start, OPEN)]
+    result: Signal = [(start, UNSURE)]
     free = start
     for first, last, value in found:
         first = max(first, free)
@@ -112,7 +106,7 @@ def _painted(found: list[tuple[int, int, int]], start: int) -> Signal:
             put(result, first, value)
             free = last + 1
             if last < BEYOND // 2:
-                put(result, free, OPEN)
+                put(result, free, UNSURE)
     return result
 
 

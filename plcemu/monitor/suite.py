@@ -8,22 +8,28 @@ from collections.abc import Iterable
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import TagTable
-from plcemu.base.trace import Frame, Trace
+from plcemu.base.trace import Change, Frame, Trace
 from plcemu.base.types import Value
-from plcemu.monitor.bind import Binder
+from plcemu.monitor.bind import Binder, Delay
+from plcemu.monitor.delays import DelayLines
 from plcemu.monitor.formula import Formula
 from plcemu.monitor.linear import on_one_run
-from plcemu.monitor.parse import Property, parse_formula
+from plcemu.monitor.parse import Property, parse_property
 from plcemu.monitor.verdict import Result, Verdict
 from plcemu.monitor.watch import Watch
+
+EXCERPT = 50
+"""The number of frames before a violation that its excerpt holds."""
 
 
 class Suite:
     """An observer that judges properties while frames come.
 
-    Monitoring starts at the first frame, which must give every tag a value. A frame tells what
-    changed at its instant; `advance` tells that nothing else changed up to and with an instant.
-    Each property is looked at only when one of its tags changes or its deadline has passed.
+    Monitoring starts at the first frame. A frame tells what changed at its instant; `advance`
+    tells that nothing else changed up to and with an instant. Each property is looked at only
+    when one of its tags changes or its deadline has passed: a frame that changes nothing costs a
+    comparison or two. A change to None says that a tag's value is not known (bad quality) until
+    its next change.
 
     Args:
         properties: what is demanded.
@@ -35,14 +41,27 @@ class Suite:
     """
 
     def __init__(self, properties: Iterable[Property], tags: TagTable) -> None:
-        self._watches = _watches(properties, tags)
+        self._tags = tags
+        self._watches, delays = _watches(properties, tags)
+        self._lines = DelayLines(delays) if delays else None
         self._open = list(self._watches)
-        self._now: list[Value | None] = [None] * len(tags)
+        self._now: list[Value | None] = [None] * (len(tags) + len(delays))
         self._before: list[Value | None] = []
         self._t_ns: int | None = None
-        self._deadline_ns: int | None = None
+        self._scan = 0
+        self._wake_ns: int | None = None
+        self._unsure = False
         self._masks: list[int] = []
         self._touched: dict[int, tuple[Watch, ...]] = {}
+        # Whether some value is not known, or delayed ones are asked for: the longer way.
+        self._special = True
+        self._frames: list[Frame] = []
+        self._past: list[Value | None] = []
+        self._older: tuple[list[Value | None], list[Frame]] = ([], [])
+        self._exact = False
+        # Which open properties may stand otherwise than `_verdicts` says, as bit masks.
+        self._moved = self._restless = 0
+        self._verdicts = [Verdict.INCONCLUSIVE.value] * len(self._watches)
         self._index()
 
     def observe(self, frame: Frame) -> None:
@@ -52,27 +71,38 @@ class Suite:
             ValueError: its instant is not after the last one.
         """
         t_ns = frame.t_ns
-        if self._t_ns is None:
+        last_ns = self._t_ns
+        if last_ns is None:
             self._start(frame)
             return
-        if t_ns <= self._t_ns:
-            raise ValueError(f"the frame at {t_ns} ns comes after {self._t_ns} ns was passed")
-        if self._deadline_ns is not None and self._deadline_ns < t_ns:
-            self._expire(t_ns - 1)
+        if t_ns <= last_ns:
+            raise ValueError(f"the frame at {t_ns} ns comes after {last_ns} ns was passed")
+        wake_ns = self._wake_ns
+        if wake_ns is not None and wake_ns < t_ns:
+            self._pass(t_ns - 1)
         self._t_ns = t_ns
         changes = frame.changes
         if changes:
-            now, masks, touched = self._now, self._masks, 0
-            for index, value in changes:
-                now[index] = value
-                touched |= masks[index]
-            if touched:
-                self._step(frame, touched)
-            before = self._before
-            for index, value in changes:
-                before[index] = value
-        if self._deadline_ns is not None and self._deadline_ns <= t_ns:
-            self._expire(t_ns)
+            self._frames.append(frame)
+            if self._special:
+                self._change(frame)
+            else:
+                now, before, masks, touched = self._now, self._before, self._masks, 0
+                for index, value in changes:
+                    now[index] = value
+                    touched |= masks[index]
+                    if value is None:
+                        self._unsure = self._special = True
+                if touched:
+                    self._step(frame, touched)
+                for index, value in changes:
+                    before[index] = value
+            if len(self._frames) >= EXCERPT:
+                self._turn()
+        elif wake_ns is None:
+            return
+        if self._wake_ns is not None and self._wake_ns <= t_ns:
+            self._pass(t_ns)
 
     def advance(self, t_ns: int) -> None:
         """Take it that nothing changed since the last frame up to and with the instant `t_ns`.
@@ -81,8 +111,8 @@ class Suite:
         """
         if self._t_ns is None or t_ns <= self._t_ns:
             return
-        if self._deadline_ns is not None and self._deadline_ns <= t_ns:
-            self._expire(t_ns)
+        if self._wake_ns is not None and self._wake_ns <= t_ns:
+            self._pass(t_ns)
         self._t_ns = t_ns
 
     def finish(self, t_ns: int) -> list[Result]:
@@ -92,89 +122,214 @@ class Suite:
 
     def copy(self) -> Suite:
         """Return an independent suite in the same state."""
-        fixed = [part for watch in self._watches for part in watch.fixed]
+        fixed: list[object] = [self._tags, *self._frames, *self._older[1]]
+        fixed += [part for watch in self._watches for part in watch.fixed]
         return copy.deepcopy(self, {id(part): part for part in fixed})
 
     def next_deadline_ns(self) -> int | None:
-        """Return the first instant at which a verdict falls if nothing changes, in ns."""
-        return self._deadline_ns
+        """Return the first instant at which a verdict falls if nothing changes, in ns.
+
+        With `ago` it may be the earlier instant at which a past change comes to be seen.
+        """
+        if not self._exact:
+            for watch in self._open:
+                if watch.deadline_ns is not None:
+                    watch.exact_deadline_ns()
+            self._set_wake()
+            self._exact = True
+        return self._wake_ns
 
     @property
     def undecided(self) -> int:
         """How many properties have no final verdict yet."""
         return len(self._open)
 
-    def verdicts(self) -> list[Verdict]:
-        """Return the verdicts alone, in the order the properties were given."""
-        return [watch.stands(self._t_ns) for watch in self._watches]
+    def verdicts(self) -> list[str]:
+        """Return the verdicts alone, in the order the properties were given.
+
+        As long as none of them changes it is the same list; only what was looked at since the
+        last call, or moves with time, is asked again.
+        """
+        moved, self._moved = self._moved | self._restless, 0
+        now: list[str] | None = None
+        at = 0
+        while moved:
+            if moved & 1:
+                watch = self._open[at]
+                verdict = watch.stands(self._t_ns).value
+                if verdict != self._verdicts[watch.place]:
+                    now = now or list(self._verdicts)
+                    now[watch.place] = verdict
+            moved, at = moved >> 1, at + 1
+        if now is not None:
+            self._verdicts = now
+        return self._verdicts
 
     def results(self) -> list[Result]:
         """Return how every property stands now, in the order they were given."""
         return [watch.result(self._t_ns) for watch in self._watches]
 
+    # ------------------------------------------------------------ changes
+
     def _start(self, frame: Frame) -> None:
         self._t_ns = frame.t_ns
+        now = self._now
         for index, value in frame.changes:
-            self._now[index] = value
-        self._before = list(self._now)
+            now[index] = value
+        if self._lines is not None:
+            self._lines.start(now)
+        self._before, self._past = list(now), list(now)
+        self._frames.append(frame)
+        self._unsure = True
         for watch in self._open:
-            watch.start(frame, self._now)
+            watch.step(frame, now, now, self._sure(watch))
+        self._unsure = None in now
+        self._special = self._unsure or self._lines is not None
         self._settle()
+        if self._wake_ns is not None and self._wake_ns <= frame.t_ns:
+            self._pass(frame.t_ns)
+
+    def _change(self, frame: Frame) -> None:
+        """Take what changed at an instant, delayed changes that come to be seen then included."""
+        lines = self._lines
+        self._scan = frame.scan
+        if lines is not None:
+            frame = lines.joined(frame)
+        changes = frame.changes
+        now, before, masks, touched = self._now, self._before, self._masks, 0
+        for index, value in changes:
+            now[index] = value
+            touched |= masks[index]
+            if value is None:
+                self._unsure = True
+        if touched:
+            self._step(frame, touched)
+        for index, value in changes:
+            before[index] = value
+        if self._unsure:
+            self._unsure = None in now
+            self._special = self._unsure or lines is not None
+        if lines is not None:
+            for slot in lines.feed(frame):
+                self._give_up(slot, frame.t_ns)
+            self._set_wake()
 
     def _step(self, frame: Frame, touched: int) -> None:
         watches = self._touched.get(touched)
         if watches is None:
             watches = tuple(w for i, w in enumerate(self._open) if touched >> i & 1)
             self._touched[touched] = watches
+        self._moved |= touched
+        now, before, moved = self._now, self._before, False
+        if self._unsure:
+            for watch in watches:
+                moved |= watch.step(frame, now, before, self._sure(watch))
+        else:
+            for watch in watches:
+                moved |= watch.step(frame, now, before, True)
+        if moved:
+            self._settle()
+
+    def _sure(self, watch: Watch) -> bool:
+        """Tell whether all values that a property reads are known, now and just before."""
         now, before = self._now, self._before
-        for watch in watches:
-            watch.step(frame, now, before)
-        self._settle()
+        return all(now[i] is not None and before[i] is not None for i in watch.tags_used)
 
-    def _expire(self, t_ns: int) -> None:
+    # ------------------------------------------------------------ time
+
+    def _pass(self, t_ns: int) -> None:
+        """Let time pass up to and with an instant without a frame."""
+        lines = self._lines
+        while lines is not None and lines.next_ns is not None and lines.next_ns <= t_ns:
+            due_ns = lines.next_ns
+            self._lapse(due_ns - 1)
+            self._change(Frame(due_ns, self._scan, ()))
+        self._lapse(t_ns)
+
+    def _lapse(self, t_ns: int) -> None:
         for watch in self._open:
-            if watch.deadline_ns is not None and watch.deadline_ns <= t_ns:
-                watch.expire(self._now)
+            while watch.deadline_ns is not None and watch.deadline_ns <= t_ns:
+                watch.lapse(t_ns, self._now)
+        self._moved = (1 << len(self._open)) - 1
         self._settle()
 
-    def _settle(self) -> None:
-        """Drop decided properties, and find the next deadline."""
-        deadline, decided = None, False
+    def _give_up(self, slot: int, t_ns: int) -> None:
+        for watch in self._open:
+            if slot in watch.tags_used:
+                watch.give_up(t_ns, "too many changes wait in ago; shorten its duration")
+        self._settle()
+
+    def _set_wake(self) -> None:
+        """Find the next instant at which to look without a change."""
+        wake = self._lines.next_ns if self._lines is not None else None
         for watch in self._open:
             at = watch.deadline_ns
-            if at is not None and (deadline is None or at < deadline):
-                deadline = at
-            if watch.verdict is not None:
-                decided = True
-        self._deadline_ns = deadline
+            if at is not None and (wake is None or at < wake):
+                wake = at
+        self._wake_ns, self._exact = wake, False
+
+    def _settle(self) -> None:
+        """Drop decided properties, and find the next instant at which to look."""
+        decided = [watch for watch in self._open if watch.verdict is not None]
+        for watch in decided:
+            watch.tell(self._excerpt)
         if decided:
+            self._verdicts = list(self._verdicts)
+            for watch in decided:
+                assert watch.verdict is not None
+                self._verdicts[watch.place] = watch.verdict.value
             self._open = [watch for watch in self._open if watch.verdict is None]
             self._index()
+        self._set_wake()
 
     def _index(self) -> None:
         """Note for each tag, as a bit mask, which open properties look at it."""
-        self._masks = [0] * len(self._now)
+        every = sum(1 << i for i, watch in enumerate(self._open) if watch.every_frame)
+        self._masks = [every] * len(self._now)
         self._touched.clear()
+        self._moved = (1 << len(self._open)) - 1
+        self._restless = sum(1 << i for i, watch in enumerate(self._open) if watch.restless)
         for i, watch in enumerate(self._open):
             for index in watch.tags_used:
                 self._masks[index] |= 1 << i
 
+    # ------------------------------------------------------------ the last frames
 
-def _watches(properties: Iterable[Property], tags: TagTable) -> list[Watch]:
+    def _turn(self) -> None:
+        """Begin a new list of frames; the last one is kept with the values before it."""
+        self._older = (self._past, self._frames)
+        self._past, self._frames = list(self._now), []
+
+    def _excerpt(self, end_ns: int) -> Trace:
+        """Return the last frames up to an instant as a trace; its first frame is complete."""
+        past, older = self._older
+        recent = [frame for frame in (*older, *self._frames) if frame.t_ns <= end_ns]
+        skipped, frames = recent[:-EXCERPT], recent[-EXCERPT:]
+        values = list(past if older else self._past)[:len(self._tags)]
+        for frame in (*skipped, frames[0]):
+            for index, value in frame.changes:
+                values[index] = value
+        whole: tuple[Change, ...] = tuple((i, v) for i, v in enumerate(values) if v is not None)
+        first = Frame(frames[0].t_ns, frames[0].scan, whole)
+        return Trace(self._tags, [first, *frames[1:]], end_ns)
+
+
+def _watches(properties: Iterable[Property], tags: TagTable) -> tuple[list[Watch], list[Delay]]:
     """Bind properties to tags; every mistake in any of them is reported at once."""
-    watches, mistakes = [], []
+    watches: list[Watch] = []
+    mistakes: list[Diagnostic] = []
+    delays: dict[tuple[int, int], Delay] = {}
     for entry in properties:
         found: list[Diagnostic] = []
-        formula = on_one_run(entry.formula, found)
-        binder = Binder(tags, found)
-        used = binder.check(formula)
+        binder = Binder(tags, found, delays)
+        formula = binder.check(on_one_run(entry.formula, found))
         if found:
             mistakes += found
         else:
-            watches.append(Watch(entry, formula, used, binder))
+            watches.append(Watch(entry, formula, binder, len(watches)))
     if mistakes:
         raise CompileError(mistakes)
-    return watches
+    return watches, list(delays.values())
 
 
 class Monitor:
@@ -188,8 +343,8 @@ class Monitor:
         if isinstance(formula, Property):
             self.entry = formula
         else:
-            tree = parse_formula(formula) if isinstance(formula, str) else formula
-            self.entry = Property(name, tree)
+            self.entry = parse_property(formula, name) if isinstance(formula, str) \
+                else Property(name, formula)
 
     def check(self, trace: Trace) -> Result:
         """Judge a recorded run up to its end.

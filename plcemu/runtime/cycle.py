@@ -66,7 +66,7 @@ class Checkpoint:
     """
 
     place: tuple[int, int, int]
-    shown: tuple[bytes, tuple[tuple[Value, ...], ...]] | None
+    shown: tuple[bytes, tuple[tuple[Value | None, ...], ...]] | None
     counters: dict[str, int]
     scans: tuple[int, ...]
     resource: ResourceCheckpoint
@@ -117,7 +117,7 @@ class Cycle:
         self._sources: list[Source] = [plant, *own] if plant is not None else own
         self.recorder: Recorder | None = None
         every: list[Source] = [*self._sources, self._verdicts]
-        self._last: list[Sequence[Value]] = [() for _ in every]
+        self._last: list[Sequence[Value | None]] = [() for _ in every]
         lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
         self._bases = list(accumulate(lengths))
         self.tags = _all_tags(resource, every)
@@ -135,7 +135,7 @@ class Cycle:
         """The last instant of which the run tells: the next release may change anything."""
         return max(0, min(self.now_ns, self.t_ns - 1))
 
-    def values(self) -> list[Value]:
+    def values(self) -> list[Value | None]:
         """Return the present values of all tags, in their order."""
         memory = self.resource.memory
         shown = [self._task_tags.present() if s is self._task_tags else s.values()
@@ -240,7 +240,7 @@ class Cycle:
             changes += self._moved(n, source.values())
         return tuple(changes)
 
-    def _moved(self, n: int, now: Sequence[Value]) -> list[Change]:
+    def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
         if now is before or now == before:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import enum
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from types import TracebackType
@@ -30,7 +30,7 @@ from plcemu.engine.engines import Code
 from plcemu.engine.resource import State
 from plcemu.engine.tracer import Event, Tracer
 from plcemu.ir.program import Task
-from plcemu.monitor.bind import Binder
+from plcemu.monitor.bind import Binder, StateFunction
 from plcemu.monitor.formula import is_state
 from plcemu.monitor.parse import parse_formula
 from plcemu.runtime.access import TagAccess
@@ -231,7 +231,9 @@ class Debugger:
         except UnknownNameError:
             return self.access.read(name)
         if index >= len(memory.tags):
-            return self.cycle.values()[index]
+            value = self.cycle.values()[index]
+            assert value is not None, "without field links all values are known"
+            return value
         if self._at is None or self.trace is None:
             return memory.read(index)
         offset, row = memory.place(index)
@@ -422,25 +424,25 @@ class Debugger:
         with contextlib.suppress(DurationError):
             return self.run(parse_duration_ns(condition), limit)
         holds, begin = self._condition(condition), self.cycle.scan_number
-        values: list[Value] = self.cycle.values()
+        values: list[Value | None] = self.cycle.values()
 
         def is_over() -> bool:
             nonlocal values
             before, values = values, self.cycle.values()
-            return self.cycle.scan_number > begin and holds(values, before)
+            return self.cycle.scan_number > begin and bool(holds(values, before))
 
         stop = self._run(lambda: is_over() or self.cycle.scan_number >= begin + limit, Why.STEP)
         return stop._replace(text=condition) if stop.why is Why.STEP else stop
 
-    def _condition(self, text: str) -> Callable[[Sequence[Value], Sequence[Value]], bool]:
+    def _condition(self, text: str) -> StateFunction:
         formula, found = parse_formula(text), list[Diagnostic]()
         if not is_state(formula):
             raise DebugError(f"{text!r} speaks of more than one instant; compare tags, as in n > 3")
         binder = Binder(self.cycle.tags, found)
-        binder.check(formula)
+        known = binder.check(formula)
         if found:
             raise CompileError(found)
-        return binder.compile(formula).holds
+        return binder.compile(known).holds
 
     def _watched(self) -> dict[str, Value]:
         memory = self.cycle.resource.memory

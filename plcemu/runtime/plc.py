@@ -93,7 +93,9 @@ class Plc:
         except UnknownNameError:
             if name not in self.tags:
                 raise
-        return self._cycle.values()[self.tags.find(name)]
+        value = self._cycle.values()[self.tags.find(name)]
+        assert value is not None, "a PLC without field links knows all its values"
+        return value
 
     def __setitem__(self, name: str, value: Value) -> None:
         self._access.write(name, value)

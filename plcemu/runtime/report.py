@@ -104,7 +104,7 @@ def _intervals(trace: Trace) -> dict[int, list[tuple[int, int]]]:
     return {i: b for i, b in bars.items() if changes[i] > 1}
 
 
-def _toggle(index: int, value: Value, t_ns: int, since: dict[int, int],
+def _toggle(index: int, value: Value | None, t_ns: int, since: dict[int, int],
             bars: dict[int, list[tuple[int, int]]]) -> None:
     if value:
         since.setdefault(index, t_ns)

@@ -29,8 +29,11 @@ class Source(Protocol):
     def tags(self) -> Sequence[Tag]:
         """The tags, in a fixed order."""
 
-    def values(self) -> Sequence[Value]:
-        """Their values as frames show them; another sequence whenever one has changed."""
+    def values(self) -> Sequence[Value | None]:
+        """Their values as frames show them; another sequence whenever one has changed.
+
+        None is a value that is not known (quality *bad*).
+        """
 
 
 class StateTags:
@@ -145,4 +148,4 @@ class VerdictTags:
         """Return the verdicts."""
         if self.suite is None:
             return ["presumably satisfied"] * len(self.tags)
-        return [verdict.value for verdict in self.suite.verdicts()]
+        return self.suite.verdicts()

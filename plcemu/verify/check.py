@@ -15,6 +15,8 @@ from plcemu.monitor.formula import (
     OPERATORS,
     TRUE,
     Binary,
+    Call,
+    Deadlock,
     Formula,
     Kind,
     Literal,
@@ -237,8 +239,11 @@ def check_for(formula: Formula) -> Check:
 
 def is_plain(formula: Formula) -> bool:
     """Whether a formula speaks of the values at one instant only, without rise, fall, changed."""
+    parts = list(walk(formula))
+    if any(isinstance(p, Deadlock) or (isinstance(p, Call) and p.name == "ago") for p in parts):
+        return False
     return all(OPERATORS[p.op].kind in (Kind.LOGIC, Kind.COMPARISON, Kind.ARITHMETIC)
-               for p in walk(formula) if isinstance(p, (Unary, Binary)))
+               for p in parts if isinstance(p, (Unary, Binary)))
 
 
 def conjuncts(formula: Formula) -> Iterator[Formula]:

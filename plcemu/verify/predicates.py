@@ -6,8 +6,7 @@ Here they are compiled to read single bytes of memory, because a checker asks th
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from plcemu.base.errors import CompileError
@@ -15,8 +14,9 @@ from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag, TagTable
 from plcemu.base.types import Value, type_of
 from plcemu.ir.program import Program
-from plcemu.monitor.bind import Binder
-from plcemu.monitor.formula import Formula, TagRef
+from plcemu.monitor.bind import STATE_SCOPE, Binder, Writer
+from plcemu.monitor.formula import Element, Formula
+from plcemu.monitor.names import Cells
 
 PlantValues = Sequence[Value]
 StateTest = Callable[[bytes, PlantValues], bool]
@@ -35,6 +35,7 @@ class Predicates:
         self.program = program
         self.slots = program.layout.slots
         self.tags = TagTable([*(slot.tag for slot in self.slots), *facts])
+        self._scope: dict[str, Any] = {"unpack": _unpack, **STATE_SCOPE}
 
     def check(self, formula: Formula) -> list[Diagnostic]:
         """Return what is wrong with a formula's names and types."""
@@ -57,7 +58,8 @@ class Predicates:
         """Return the bytes of memory that formulas look at."""
         found: set[int] = set()
         for formula in formulas:
-            for index in Binder(self.tags, []).check(formula):
+            binder = Binder(self.tags, [])
+            for index in binder.used(binder.check(formula)):
                 if index < len(self.slots):
                     slot = self.slots[index]
                     found.update(range(slot.offset, slot.offset + type_of(slot.tag.type).size))
@@ -69,37 +71,43 @@ class Predicates:
 
     def _expression(self, formula: Formula) -> str:
         diagnostics: list[Diagnostic] = []
-        binder = _Reader(self.tags, diagnostics)
-        binder.slots = self.slots
-        binder.check(formula)
+        binder = Binder(self.tags, diagnostics)
+        known = binder.check(formula)
         if diagnostics:
             raise CompileError(diagnostics)
-        return binder.expression(formula, "now")
+        writer = _Writer(binder, self.slots, self._scope)
+        return writer.quick(known, "now")
 
     def _compiled(self, expression: str) -> Any:
-        names: Mapping[str, object] = {"bool": bool, "inf": math.inf, "unpack": _unpack}
-        return eval(compile(f"lambda m, p: {expression}", "<states>", "eval"), dict(names))
+        return eval(compile(f"lambda m, p: {expression}", "<states>", "eval"), self._scope)
 
 
 def _unpack(memory: bytes, offset: int, type_name: str) -> Value:
     return type_of(type_name).unpack(memory, offset)
 
 
-class _Reader(Binder):
+class _Writer(Writer):
     """Writes a formula as a Python expression over memory `m` and the plant's values `p`."""
 
-    slots: Sequence[Any] = ()
+    def __init__(self, binder: Binder, slots: Sequence[Any], scope: dict[str, Any]) -> None:
+        super().__init__(binder)
+        self.slots = slots
+        self.scope = scope
 
-    def expression(self, formula: Formula, state: str) -> str:
-        if not isinstance(formula, TagRef):
-            return super().expression(formula, state)
-        index = self.indices[formula.name]
+    def value(self, index: int, state: str) -> str:
         if index >= len(self.slots):
             return f"p[{index - len(self.slots)}]"
         slot = self.slots[index]
         if slot.tag.type == "BOOL":
             return f"m[{slot.offset}]"
         return f"unpack(m, {slot.offset}, {slot.tag.type!r})"
+
+    def element(self, formula: Element, cells: Cells, indices: Sequence[str], state: str) -> str:
+        name = f"cells{len(self.scope)}"
+        self.scope[name] = {
+            where: eval(f"lambda m, p: {self.value(index, state)}", self.scope)
+            for where, index in cells.at.items()}
+        return f"{name}[{', '.join(indices)},](m, p)"
 
 
 __all__ = ["PlantValues", "Predicates", "StateMask", "StateTest"]

@@ -13,16 +13,18 @@ from plcemu.monitor.bind import Binder
 from plcemu.monitor.evaluators import General
 from plcemu.monitor.formula import Binary, Formula, Interval, Literal, Unary
 from plcemu.monitor.linear import on_one_run
+from plcemu.monitor.signals import NO, YES
 from plcemu.monitor.verdict import FINAL, PRESUMED
 
 START_NS = 7
+CODES = {False: NO, True: YES}
 
 
 def expected(formula: Formula, run: list[Row]) -> tuple[str, int | None]:
     """Return the verdict and the instant of decision, by brute force."""
     decision = decided_at(formula, run)
-    return ((PRESUMED[presumed(formula, run)].value, None) if decision is None
-            else (FINAL[decision[1]].value, START_NS + decision[0]))
+    return ((PRESUMED[CODES[presumed(formula, run)]].value, None) if decision is None
+            else (FINAL[CODES[decision[1]]].value, START_NS + decision[0]))
 
 
 def found(formula: Formula, run: list[Row]) -> tuple[str, int | None]:
@@ -67,9 +69,8 @@ def test_the_short_way_and_the_general_way_tell_the_same_story(
     general = Suite([Property("property", formula)], TAGS)
     found: list[Diagnostic] = []
     binder = Binder(TAGS, found)
-    linear = on_one_run(formula, found)
-    binder.check(linear)
-    general._watches[0]._evaluator = General(linear, binder)
+    linear = binder.check(on_one_run(formula, found))
+    general._watches[0].use(General(linear, binder))
     [general.observe(frame) for frame in trace.frames]
     slow, quick = general.finish(trace.end_ns)[0], Monitor(formula).check(trace)
     assert (slow.verdict, slow.violation) == (quick.verdict, quick.violation)
