@@ -9,16 +9,16 @@ from pathlib import Path
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
 from plcemu.cli.output import print_json
+from plcemu.engine.wat import translate_program
 from plcemu.ir.program import Program
 from plcemu.ir.text import print_program
 from plcemu.lang.compile import compile_program
 from plcemu.lang.sipn_il import export_il
 
-NAME = "check"
 HELP = "compile program files and print every diagnostic as file:line:column: CODE message"
 EPILOG = "All files are compiled together, as one program. Exit code 1 if there is an error."
 
-PASSES = ("ir", "tags")
+PASSES = ("ir", "wat", "tags")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,5 +75,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def _dump(program: Program, what: str) -> str:
     if what == "ir":
         return print_program(program)
+    if what == "wat":
+        return translate_program(program).text
     return "".join(f"{s.tag.name} {s.tag.type} {s.tag.address}".rstrip() + "\n"
                    for s in program.layout.slots)

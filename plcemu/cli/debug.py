@@ -20,7 +20,6 @@ from plcemu.runtime.config import load_config
 from plcemu.runtime.debugger import DebugError, Debugger, Stop, Why
 from plcemu.runtime.system import System
 
-NAME = "debug"
 HELP = "step PLC and plant through virtual time, by scan, step, line and instruction, and back"
 EPILOG = """Commands come from the terminal, from a pipe, or from --execute; `help` lists them. In a
 pipe or with --execute the exit code is 2 if a command was wrong.

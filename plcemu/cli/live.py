@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -11,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from plcemu.cli.output import console, properties_table, set_up_logging
+from plcemu.cli.output import console, properties_table
 from plcemu.runtime.daemon import Daemon
 
 REFRESH_S = 0.5
@@ -34,13 +35,11 @@ class LiveView:
 
     Args:
         daemon: what is shown.
-        verbose: whether the log tells more.
+        set_up_log: sends the log to where stderr is now.
     """
 
-    def __init__(self, daemon: Daemon, verbose: bool) -> None:
-        self._daemon, self._verbose = daemon, verbose
-        self._steps = [i for i, tag in enumerate(daemon.system.resource.memory.tags)
-                       if tag.name.endswith(".X")]
+    def __init__(self, daemon: Daemon, set_up_log: Callable[[], None]) -> None:
+        self._daemon, self._set_up_log = daemon, set_up_log
         self._console = console(to_stderr=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._drawn: float | None = None
@@ -52,14 +51,14 @@ class LiveView:
                  trace: TracebackType | None) -> None:
         if self._drawn is not None:
             self._live.stop()
-            set_up_logging(self._verbose)
+            self._set_up_log()
 
     def on_lap(self) -> None:
         """Draw a new picture if the last one is old."""
         now = time.monotonic()
         if self._drawn is None:
             self._live.start()
-            set_up_logging(self._verbose)  # stderr is now the view's
+            self._set_up_log()  # stderr is now the view's
         elif now - self._drawn < REFRESH_S:
             return
         self._drawn = now
@@ -88,7 +87,8 @@ class LiveView:
 
     def _active_steps(self) -> str:
         memory = self._daemon.system.resource.memory
-        names = [memory.tags[i].name.split(".")[-2] for i in self._steps if memory.read(i)]
+        names = [tag.name.split(".")[-2] for i, tag in enumerate(memory.tags)
+                 if tag.name.endswith(".X") and memory.read(i)]
         return " ".join(names[:STEPS]) + (" ..." if len(names) > STEPS else "") or "-"
 
     def _plant(self) -> list[str]:

@@ -11,28 +11,34 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from plcemu import __version__
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError
-from plcemu.cli import check, debug, monitor, plant, run, simulate, verify
 from plcemu.cli.output import print_json
 
-COMMANDS = (check, run, simulate, plant, monitor, verify, debug)
-"""Each has `NAME`, `HELP`, `add_arguments(parser)` and `execute(arguments) -> exit code`."""
+COMMANDS = ("check", "run", "control", "simulate", "plant", "monitor", "verify", "debug")
+"""Each is a module beside this one, with `HELP`, `add_arguments(parser)` and
+`execute(arguments) -> exit code`. Only that of the given command is loaded: a daemon that was
+killed is back sooner."""
 
 HOLDS, FAILED, WRONG_USE = 0, 1, 2
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of the whole command line."""
+def make_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the whole command line; with `only` that command alone is complete."""
     parser = argparse.ArgumentParser(
         prog="plcemu", description="A PLC runtime emulator: IEC 61131-3 programs in a scan cycle, "
         "served over Modbus, coupled to soft plants, watched by temporal monitors.")
     parser.add_argument("--version", action="version", version=f"plcemu {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in COMMANDS:
-        sub = commands.add_parser(module.NAME, help=module.HELP, description=module.HELP,
+    for name in COMMANDS:
+        if only not in (None, name):
+            commands.add_parser(name)
+            continue
+        module = import_module(f"plcemu.cli.{name}")
+        sub = commands.add_parser(name, help=module.HELP, description=module.HELP,
                                   epilog=getattr(module, "EPILOG", None),
                                   formatter_class=argparse.RawDescriptionHelpFormatter,
                                   allow_abbrev=False)
@@ -46,7 +52,9 @@ def make_parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code; a user's mistake never shows a traceback."""
     _prepare_streams()
-    parsed = make_parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    first = given[0] if given else None
+    parsed = make_parser(first if first in COMMANDS else None).parse_args(given)
     try:
         code: int = parsed.execute(parsed)
         sys.stdout.flush()
@@ -57,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigError as error:
         return _fail(parsed, WRONG_USE, "problems", error.problems, error)
     except PlcemuError as error:
-        return _fail(parsed, WRONG_USE, "problems", [str(error)], error)
+        code = getattr(error, "exit_code", WRONG_USE)
+        return _fail(parsed, code, "problems", [str(error)], error)
     except KeyboardInterrupt:
         print("plcemu: interrupted", file=sys.stderr)
         return 130

@@ -10,7 +10,6 @@ from plcemu.base.tracefile import load
 from plcemu.cli.output import console, print_json, properties_table
 from plcemu.monitor import judge, load_properties
 
-NAME = "monitor"
 HELP = "judge a recorded trace (.csv, .jsonl, .vcd) by the properties of a .prop file"
 
 

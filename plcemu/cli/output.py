@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import logging
 import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from rich.console import Console
-from rich.table import Table
+from typing import TYPE_CHECKING, Any
 
 from plcemu.base.spans import Diagnostic
 from plcemu.base.time import DurationError, parse_duration_ns
 from plcemu.runtime.scenario import Scenario, load_scenario, parse_fault
+
+if TYPE_CHECKING:  # loaded where something is drawn: it takes long, and a daemon may not
+    from rich.console import Console
+    from rich.table import Table
 
 LIMITED = 20
 """Warnings that `run` and `simulate` show before the rest is only counted."""
@@ -94,6 +96,8 @@ def duration(text: str) -> int:
 
 def console(to_stderr: bool = False) -> Console:
     """Return a console that shows texts as they are; in a file or pipe, lines are not squeezed."""
+    from rich.console import Console
+
     made = Console(stderr=to_stderr, highlight=False, markup=False, emoji=False)
     if not made.is_terminal:
         made.width = PIPE_COLUMNS
@@ -109,10 +113,40 @@ def show_warnings(warnings: Sequence[Diagnostic]) -> None:
               file=sys.stderr)
 
 
-def set_up_logging(verbose: bool) -> None:
+def add_log_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the log."""
+    parser.add_argument("--log-format", choices=("text", "json"), default="text",
+                        help="log lines for people, or one JSON object a line (default: text)")
+    parser.add_argument("--log-level", choices=("debug", "info", "warning", "error"),
+                        help="the least important log lines shown (default: info)")
+    parser.add_argument("--verbose", action="store_true", help="the same as --log-level debug")
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line: `time` (ISO 8601, UTC), `level`, `logger`, `message`."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a record as a line."""
+        at = datetime.datetime.fromtimestamp(record.created, datetime.UTC)
+        entry = {"time": at.isoformat(timespec="milliseconds"), "level": record.levelname.lower(),
+                 "logger": record.name, "message": record.getMessage()}
+        if record.exc_info:
+            entry["exception"] = self.formatException(record.exc_info)
+        return json.dumps(entry)
+
+
+def set_up_log(arguments: argparse.Namespace) -> None:
+    """Send log lines to stderr as the options of `add_log_arguments` ask for."""
+    level = "debug" if arguments.verbose else "info"
+    set_up_logging((arguments.log_level or level).upper(), arguments.log_format == "json")
+
+
+def set_up_logging(level: str = "INFO", as_json: bool = False) -> None:
     """Send log lines to stderr, one an event."""
-    logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, stream=sys.stderr,
-                        format="%(asctime)s %(levelname)-7s %(name)s: %(message)s", force=True)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines() if as_json else logging.Formatter(
+        "%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler], force=True)
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
@@ -123,6 +157,8 @@ def properties_table(properties: Sequence[Mapping[str, Any]], columns: int,
 
     A brief one has one line for each property, without its meaning; so has a narrow one.
     """
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False)
     shown = 2 if columns < NARROW[0] else 4 if brief or columns < NARROW[1] else 5
     headings = ("property", "verdict", "triggers", "decided at", "meaning")[:shown]

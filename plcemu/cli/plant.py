@@ -11,12 +11,13 @@ from pathlib import Path
 from hil.modbus_plant import ModbusPlant
 from plcemu.base.errors import ConfigError
 from plcemu.cli.output import (
+    add_log_arguments,
     add_scenario_arguments,
     add_set_argument,
     duration,
     print_json,
     scenario_of,
-    set_up_logging,
+    set_up_log,
 )
 from plcemu.modbus.errors import UnmappedError
 from plcemu.runtime.config import Config, load_config
@@ -24,7 +25,6 @@ from plcemu.runtime.remote_plant import RemotePlant, StateFile
 from plcemu.runtime.scenario import refuse_tags
 from plcemu.runtime.system import configured_scenario, make_coupling, make_map
 
-NAME = "plant"
 HELP = "the soft plant alone, as a Modbus client of any PLC"
 EPILOG = """The plant goes on through outages of the PLC. If it is killed or terminated, the next
 start with the same configuration and the same run of the PLC goes on from the state it had; after
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="start anew, also if a killed plant left its state")
     parser.add_argument("--state", metavar="FILE", type=Path,
                         help="keep the state in this file (default: one in the temporary folder)")
-    parser.add_argument("--verbose", action="store_true", help="log more")
+    add_log_arguments(parser)
 
 
 def _address(text: str) -> tuple[str, int]:
@@ -71,7 +71,7 @@ def _unit(text: str) -> int:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the plant until stopped."""
-    set_up_logging(arguments.verbose)
+    set_up_log(arguments)
     config = load_config(arguments.config, arguments.overrides)
     plant = _prepare(config, arguments)
     terminated = asyncio.run(_run(plant, arguments.duration))

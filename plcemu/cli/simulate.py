@@ -27,7 +27,6 @@ from plcemu.runtime.plot import check_plot, panels_of, save_plot
 from plcemu.runtime.report import save_report
 from plcemu.runtime.system import System
 
-NAME = "simulate"
 HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
 EPILOG = """examples:
   plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd

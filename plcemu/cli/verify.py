@@ -16,7 +16,6 @@ from plcemu.runtime.verification import limits_of, make_prover
 from plcemu.verify.explore import Progress
 from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Result
 
-NAME = "verify"
 HELP = "prove the properties for all runs of the compiled program, or show the counterexample"
 EPILOG = """examples:
   plcemu verify il_programs/batch_plant                       # from the configured load

@@ -12,10 +12,13 @@ from typing import Protocol
 
 from plcemu.base.errors import PlcemuError
 from plcemu.engine.interpreter import BUDGET, Interpreter
-from plcemu.engine.wasm import NoWebAssembly, WasmEngine
 from plcemu.ir.program import Block, Program
 
 _log = logging.getLogger(__name__)
+
+
+class NoWebAssembly(PlcemuError):
+    """This platform cannot run WebAssembly."""
 
 
 class Code(Protocol):
@@ -73,9 +76,24 @@ def _interpreter(program: Program, budget: int) -> Engine:
     return Interpreter(program, bytearray(program.layout.initial), budget)
 
 
-def _fastest(program: Program, budget: int) -> Engine:
+def _wasm(program: Program, budget: int) -> Engine:
+    try:
+        # Not before it is needed: it takes a tenth of a second, and may be missing.
+        from plcemu.engine.wasm import Unavailable, WasmEngine
+    except (ImportError, OSError) as problem:
+        raise NoWebAssembly(
+            "the engine 'wasm' needs the package wasmtime, which cannot be imported here "
+            f"({problem}); choose 'auto' or 'interpreter'") from None
     try:
         return WasmEngine(program, budget)
+    except Unavailable as problem:
+        raise NoWebAssembly(f"the engine 'wasm' cannot start here ({problem}); choose 'auto' or "
+                            "'interpreter'") from None
+
+
+def _fastest(program: Program, budget: int) -> Engine:
+    try:
+        return _wasm(program, budget)
     except NoWebAssembly as reason:
         _say_once(str(reason))
         return _interpreter(program, budget)
@@ -91,7 +109,7 @@ def _say_once(reason: str) -> None:
 
 
 _MAKERS: dict[str, Callable[[Program, int], Engine]] = {
-    "auto": _fastest, "wasm": WasmEngine, "interpreter": _interpreter}
+    "auto": _fastest, "wasm": _wasm, "interpreter": _interpreter}
 
 ENGINES = tuple(_MAKERS)
 """The engines to choose from; `auto` is the fastest that this platform has."""

@@ -11,21 +11,18 @@ import ctypes
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import wasmtime
 
+from plcemu.engine.wat_ops import KINDS
 from plcemu.ir.ops import STRUCT_CODES
 
 try:
     from wasmtime import _ffi
 except ImportError:
     _ffi = None  # type: ignore[assignment]
-
-KINDS = {**dict.fromkeys(("bool", "i8", "i16", "i32", "u8", "u16", "u32"), "i32"),
-         "i64": "i64", "u64": "i64", "f32": "f32", "f64": "f64"}
-"""The WebAssembly type that holds a value of each machine type."""
 
 _SLOT = 16
 """Bytes of one argument or result in a direct call."""
@@ -47,6 +44,10 @@ class Host:
     pops: tuple[str, ...]
     pushes: str
     fn: Callable[..., Any]
+
+
+class Unavailable(Exception):
+    """wasmtime finds no room here: it reserves 4 GiB of addresses, not of memory, for each."""
 
 
 class Stopped(Exception):
@@ -90,7 +91,10 @@ class Machine:
         self._ways = _Direct(self._store) if direct and has_direct_calls() else _Public(self._store)
         imports = [self._ways.host(hosts[entry.name or ""], self._causes)
                    for entry in module.imports]
-        instance = wasmtime.Instance(self._store, module, imports)
+        try:
+            instance = wasmtime.Instance(self._store, module, imports)
+        except wasmtime.WasmtimeError as problem:
+            raise Unavailable(" ".join(str(problem).split())) from None
         self._exports = instance.exports(self._store)
 
     def memory(self, start: int, size: int, owning: bool = True) -> memoryview:
@@ -238,8 +242,8 @@ class _Direct:
         return _DirectEntry(self, self._store, function, arguments, causes)
 
 
-_CALL = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p,
-                         ctypes.c_size_t, ctypes.c_void_p)
+_CALL = ctypes.CFUNCTYPE(ctypes.c_ssize_t)
+"""Without declared arguments: they are made once, and converting them would take half the time."""
 
 
 class _DirectEntry:
@@ -247,24 +251,23 @@ class _DirectEntry:
                  arguments: Sequence[int], causes: list[BaseException]) -> None:
         self._kept = owner, store, function  # C holds no reference to them either
         self._causes = causes
-        self._values = (ctypes.c_uint64 * (2 * len(arguments)))()
+        self._values = (ctypes.c_uint64 * (2 * len(arguments)))(
+            *(part for value in arguments for part in (value, 0)))
         self._trap = ctypes.c_void_p()
-        for index, value in enumerate(arguments):
-            self.set(index, value)
-        self._call = ctypes.cast(_ffi.dll.wasmtime_func_call_unchecked, _CALL)
-        self._where = (ctypes.cast(store._context(), ctypes.c_void_p).value,
-                       ctypes.addressof(function._func), ctypes.addressof(self._values),
-                       len(arguments), ctypes.addressof(self._trap))
+        self._call = partial(
+            ctypes.cast(_ffi.dll.wasmtime_func_call_unchecked, _CALL),
+            ctypes.cast(store._context(), ctypes.c_void_p), ctypes.byref(function._func),
+            ctypes.byref(self._values), ctypes.c_size_t(len(arguments)), ctypes.byref(self._trap))
 
     def set(self, index: int, value: int) -> None:
         self._values[2 * index] = value
 
     def call(self) -> None:
-        error = self._call(*self._where)
-        if error or self._trap.value:
-            raise self._failed(error) from None
+        error = self._call()
+        if error or self._trap:
+            raise self._failed(error)
 
-    def _failed(self, error: int | None) -> Stopped:
+    def _failed(self, error: int) -> Stopped:
         trap, self._trap.value = self._trap.value or 0, None
         # The objects own what C gave us, and free it.
         if error:

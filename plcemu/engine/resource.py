@@ -20,6 +20,7 @@ from plcemu.engine.memory import Memory
 from plcemu.engine.releases import count_any
 from plcemu.engine.tasks import TaskState, prepare
 from plcemu.ir.program import Program, Task
+from plcemu.ir.shape import match
 
 
 class State(enum.Enum):
@@ -116,13 +117,14 @@ class Resource:
         In a cold restart every variable gets its initial value; in a warm one the retained
         variables keep theirs. Inputs stay what the world last made them.
         """
-        layout, block = self.memory.layout, self.memory.block
-        kept = [(e.offset, e.count * SIZES[e.area[1]]) for e in layout.extents if e.area[0] == "I"]
-        kept += [(each.offset, each.size) for each in layout.retained if not cold]
-        values = [bytes(block[offset:offset + size]) for offset, size in kept]
+        layout, block, before = self.memory.layout, self.memory.block, self.memory.snapshot()
         self.memory.cold_start()
-        for (offset, size), value in zip(kept, values, strict=True):
-            block[offset:offset + size] = value
+        for extent in layout.extents:
+            if extent.area[0] == "I":
+                end = extent.offset + extent.count * SIZES[extent.area[1]]
+                block[extent.offset:end] = before[extent.offset:end]
+        if not cold:
+            match(layout.retained, layout.retained).carry(before, block)
         self._last_ns = None
         self.resume()
 
@@ -318,6 +320,19 @@ class Resource:
         """Take up the state of a checkpoint."""
         self.memory.restore(point.memory)
         self.state, self.fault, self._last_ns = point.state, point.fault, point.last_ns
+        self._wake()
+
+    def succeed(self, other: Resource) -> None:
+        """Stand in for another resource, of an edited program, from the next scan on.
+
+        What is measured of a task goes on if there is a task of that name.
+        """
+        self.state, self.fault, self._last_ns = other.state, other.fault, other._last_ns
+        before = {task.name.casefold(): each
+                  for task, each in zip(other.tasks, other.statistics, strict=True)}
+        for state in self._tasks:
+            state.statistics = before.get(state.task.name.casefold(), state.statistics)
+        self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
         self._wake()
 
     def snapshot(self) -> bytes:

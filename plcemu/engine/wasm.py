@@ -7,18 +7,15 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NoReturn
 
-from plcemu.base.errors import LimitError, PlcemuError, ProgramFault
+from plcemu.base.collector import paused_collector
+from plcemu.base.errors import LimitError, ProgramFault
+from plcemu.engine import native
 from plcemu.engine.interpreter import BUDGET, OUTSIDE
+from plcemu.engine.native import Unavailable as Unavailable
 from plcemu.engine.wat import COMPLETED, RUN_ROOM, Translated, translate_program
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import VALUE_OPS, Fault, distance, overrun
 from plcemu.ir.program import Block, Program
-
-try:
-    from plcemu.engine import native
-except (ImportError, OSError) as _problem:
-    native = None  # type: ignore[assignment]
-    _missing = str(_problem)
 
 _RUN = struct.Struct("<II")
 _COUNT = struct.Struct("<Q")
@@ -26,11 +23,8 @@ _NO_END = (1 << 64) - 1
 """More time than any clock cell can take."""
 
 
-class NoWebAssembly(PlcemuError):
-    """This platform cannot run WebAssembly."""
-
-
 @lru_cache(maxsize=8)
+@paused_collector()
 def _compiled(program: Program) -> tuple[Translated, Any]:
     """Return a program's translation and machine code; forks of a PLC share them."""
     translated = translate_program(program)
@@ -44,17 +38,11 @@ class WasmEngine:
         program: the compiled program.
         budget: see `plcemu.engine.interpreter.BUDGET`.
         direct: whether to use wasmtime's fast calls where it has them.
-
-    Raises:
-        NoWebAssembly: wasmtime cannot be imported here.
     """
 
     name = "wasm"
 
     def __init__(self, program: Program, budget: int = BUDGET, direct: bool = True) -> None:
-        if native is None:
-            raise NoWebAssembly(f"the engine 'wasm' needs the package wasmtime, which cannot be "
-                                f"imported here ({_missing}); choose 'auto' or 'interpreter'")
         self._program = program
         self._budget = budget
         self._translated, module = _compiled(program)
@@ -66,11 +54,13 @@ class WasmEngine:
         origin, size = self._translated.origin, program.layout.size
         self._head = self._machine.memory(0, origin)
         self._block = self._machine.memory(origin, size)
+        self._block[:] = program.layout.initial
         memory.append(self._machine.memory(origin, size, owning=False))
         self._advance = self._machine.entry("advance", [0])
         self._clocks_run = self._machine.entry("clocks_run", [])
         self._lists: dict[tuple[tuple[str, int], ...], tuple[int, int]] = {}
         self._free = self._translated.runs
+        self._codes: dict[tuple[str, int], WasmCode] = {}
 
     @property
     def block(self) -> Block:
@@ -79,18 +69,21 @@ class WasmEngine:
 
     def run(self, function: str, base: int) -> None:
         """Run a function on the instance at an address; raises `ProgramFault`."""
-        self.prepare([(function, base)]).run()
+        key = (function, base)
+        if key not in self._codes:
+            self._codes[key] = self.prepare([key])
+        self._codes[key].run()
 
     def prepare(self, runs: Sequence[tuple[str, int]], budget: int | None = None) -> WasmCode:
         """Make functions, each on the instance at its address, ready to run.
 
         Raises:
             LimitError: there is no room for so many different lists of functions.
+            ValueError: no program instance is at that address.
         """
         start, end = self._list(tuple(runs))
         budget = self._budget if budget is None else budget
-        return WasmCode(self._machine.entry("repeat", [start, end, 1, 0, budget]), budget,
-                        self._head, self._stop)
+        return WasmCode(self._machine, (start, end), budget, self._head, self._stop)
 
     def _list(self, runs: tuple[tuple[str, int], ...]) -> tuple[int, int]:
         if runs not in self._lists:
@@ -99,6 +92,8 @@ class WasmEngine:
                 raise LimitError(f"the tasks run more than {RUN_ROOM // _RUN.size} program "
                                  "instances, the limit of the engine 'wasm'")
             for n, (function, base) in enumerate(runs):
+                if self._translated.fixed.get(function, base) != base:
+                    raise ValueError(f"{function} has no instance at {base}")
                 _RUN.pack_into(self._head, start + _RUN.size * n,
                                self._translated.numbers[function], base)
             self._free, self._lists[runs] = end, (start, end)
@@ -120,7 +115,7 @@ class WasmEngine:
         cause = stopped.cause
         if cause is None:
             raise ProgramFault(_TRAPS.get(str(stopped), str(stopped))) from None
-        if site is None or not isinstance(cause, (Fault, *_OUTSIDE_ERRORS)):
+        if site is None or not isinstance(cause, Fault | struct.error | IndexError | ValueError):
             raise cause
         function, at = self._translated.sites[site]
         code = self._program.functions[function]
@@ -128,7 +123,6 @@ class WasmEngine:
         raise ProgramFault(reason, pou=code.pou, place=code.place(at)) from None
 
 
-_OUTSIDE_ERRORS = (struct.error, IndexError, ValueError)
 _TRAPS = {"MEMORY_OUT_OF_BOUNDS": OUTSIDE, "UNREACHABLE": OUTSIDE,
           "STACK_OVERFLOW": "the calls nest too deeply"}
 
@@ -136,13 +130,16 @@ _TRAPS = {"MEMORY_OUT_OF_BOUNDS": OUTSIDE, "UNREACHABLE": OUTSIDE,
 class WasmCode:
     """Functions on their instances, ready to run; see `plcemu.engine.engines.Code`."""
 
-    __slots__ = ("_budget", "_count", "_elapsed", "_entry", "_head", "_stop")
+    __slots__ = ("_budget", "_count", "_elapsed", "_head", "_many", "_once", "_run", "_stop")
 
-    def __init__(self, entry: native.Entry, budget: int, head: memoryview,
-                 stop: Callable[[native.Stopped], NoReturn]) -> None:
-        self._entry, self._head, self._stop = entry, head, stop
+    def __init__(self, machine: native.Machine, runs: tuple[int, int], budget: int,
+                 head: memoryview, stop: Callable[[native.Stopped], NoReturn]) -> None:
+        self._head, self._stop = head, stop
         self._budget = budget
+        self._once = machine.entry("repeat", [*runs, 1, 0, budget])
+        self._many = machine.entry("repeat", [*runs, 1, 0, budget])
         self._count, self._elapsed = 1, 0
+        self._run = self._once.call
 
     @property
     def budget(self) -> int:
@@ -152,7 +149,8 @@ class WasmCode:
     @budget.setter
     def budget(self, budget: int) -> None:
         self._budget = budget
-        self._entry.set(4, budget)
+        for entry in (self._once, self._many):
+            entry.set(4, budget)
 
     @property
     def completed(self) -> int:
@@ -162,16 +160,19 @@ class WasmCode:
 
     def run(self) -> None:
         """Run it once; raises `ProgramFault`."""
-        self.repeat(1, 0)
+        try:
+            self._run()
+        except native.Stopped as stopped:
+            self._stop(stopped)
 
     def repeat(self, count: int, elapsed_ns: int) -> None:
         """So many times: let time pass for the clock cells, then run; raises `ProgramFault`."""
-        if (count, elapsed_ns) != (self._count, self._elapsed):
+        if count != self._count or elapsed_ns != self._elapsed:
             self._count, self._elapsed = count, elapsed_ns
-            self._entry.set(2, count)
-            self._entry.set(3, min(elapsed_ns, _NO_END))
+            self._many.set(2, count)
+            self._many.set(3, min(elapsed_ns, _NO_END))
         try:
-            self._entry.call()
+            self._many.call()
         except native.Stopped as stopped:
             self._stop(stopped)
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from plcemu.engine.native import KINDS
 from plcemu.engine.wat_code import FunctionWriter
-from plcemu.engine.wat_ops import Helpers
+from plcemu.engine.wat_ops import KINDS, Helpers
 from plcemu.ir.program import Program
 
 PAGE = 65536
@@ -37,6 +36,7 @@ class Translated:
         origin: address of the memory block.
         runs: address of the room for lists of functions to run.
         numbers: each function's number in the table.
+        fixed: functions that run on one instance only, with its address.
         hosts: imported functions by name: machine types taken, the site last, and given.
         sites: the instruction of each site, as function and number in its code.
     """
@@ -45,6 +45,7 @@ class Translated:
     origin: int
     runs: int
     numbers: dict[str, int]
+    fixed: dict[str, int]
     hosts: dict[str, tuple[tuple[str, ...], str]]
     sites: list[tuple[str, int]]
 
@@ -55,8 +56,9 @@ def translate_program(program: Program) -> Translated:
     runs = CLOCKS + -(-4 * len(layout.clocks) // 8) * 8
     pages = -(-(runs + RUN_ROOM + layout.size) // PAGE)
     origin = pages * PAGE - layout.size
-    names, helpers = _names(list(functions)), Helpers()
-    bodies = [FunctionWriter(f, functions, names, origin, helpers).write()
+    names, helpers = _names(list(functions)), Helpers(origin, layout.size)
+    fixed = _fixed(program)
+    bodies = [FunctionWriter(f, functions, names, helpers, fixed.get(f.name)).write()
               for f in functions.values()]
     clocks = sorted(layout.clocks, key=lambda c: not c.observed)
     observed = sum(c.observed for c in clocks)
@@ -65,20 +67,32 @@ def translate_program(program: Program) -> Translated:
         "(module", *_imports(helpers),
         f'(memory (export "memory") {pages} {pages})',
         f'(data (i32.const {CLOCKS}) "{_escaped(cells)}")',
-        f'(data (i32.const {origin}) "{_escaped(layout.initial)}")',
         "(global $left (mut i64) (i64.const 0))",
         "(global $budget (mut i64) (i64.const 0))",
         "(type $pou (func (param i32)))",
         *_table(program, names),
         *helpers.used.values(),
-        _COPY.replace("SIZE", str(layout.size)).replace("ORIGIN", str(origin)),
-        _ADVANCE.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * len(clocks))),
+        _advance([origin + c.offset for c in clocks]),
         _CLOCKS_RUN.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * observed))
         .replace("ANSWER", str(COMPLETED)),
         _REPEAT.replace("COMPLETED", str(COMPLETED)),
         *bodies, ")", ""]
     numbers = {name: n for n, name in enumerate(functions)}
-    return Translated("\n".join(parts), origin, runs, numbers, helpers.hosts, helpers.sites)
+    return Translated("\n".join(parts), origin, runs, numbers, fixed, helpers.hosts,
+                      helpers.sites)
+
+
+def _fixed(program: Program) -> dict[str, int]:
+    """Return the functions that run on one instance only, with its address.
+
+    Most programs have one: its variables then stand at addresses that are known, which saves an
+    addition in every access, and tells them from all others.
+    """
+    called = {i.arg for f in program.functions.values() for i in f.code if i.op == "call"}
+    bases: dict[str, set[int]] = {}
+    for instance in program.instances:
+        bases.setdefault(instance.function, set()).add(instance.base)
+    return {name: min(at) for name, at in bases.items() if len(at) == 1 and name not in called}
 
 
 def _names(functions: list[str]) -> dict[str, str]:
@@ -119,35 +133,41 @@ def _escaped(data: bytes) -> str:
     return "".join(f"\\{byte:02x}" for byte in data)
 
 
-_COPY = """\
-(func $copy (param $to i32) (param $from i32) (param $count i32)
-  ;; an address outside the block must not reach what stands before it
-  (i32.or (i32.gt_u (local.get $to) (i32.sub (i32.const SIZE) (local.get $count)))
-          (i32.gt_u (local.get $from) (i32.sub (i32.const SIZE) (local.get $count))))
-  if
-    unreachable
-  end
-  (memory.copy (i32.add (local.get $to) (i32.const ORIGIN))
-               (i32.add (local.get $from) (i32.const ORIGIN)) (local.get $count)))"""
+UNROLLED = 256
+"""Clock cells that are advanced one by one, without a loop."""
 
-_ADVANCE = """\
+
+def _advance(cells: list[int]) -> str:
+    """Return the function that lets time pass for clock cells at these addresses."""
+    if len(cells) <= UNROLLED:
+        body = "\n".join(_advance_one(f"i32.const {cell}") for cell in cells)
+    else:
+        body = f"""\
+  (local.set $at (i32.const {CLOCKS}))
+  loop $next
+    (local.set $cell (i32.load (local.get $at)))
+{_advance_one("local.get $cell")}
+    (local.set $at (i32.add (local.get $at) (i32.const 4)))
+    (br_if $next (i32.lt_u (local.get $at) (i32.const {CLOCKS + 4 * len(cells)})))
+  end"""
+    return f"""\
 (func $advance (export "advance") (param $elapsed i64)
   (local $at i32) (local $cell i32) (local $count i64) (local $limit i64)
-  (local.set $at (i32.const BEGIN))
-  block $end
-    loop $next
-      (br_if $end (i32.ge_u (local.get $at) (i32.const END)))
-      (local.set $cell (i32.load (local.get $at)))
-      (local.set $count (i64.load (local.get $cell)))
-      (local.set $limit (i64.load offset=8 (local.get $cell)))
-      (if (i64.lt_s (local.get $count) (local.get $limit)) (then
-        (i64.store (local.get $cell)
-          (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
-            (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count)))))))
-      (local.set $at (i32.add (local.get $at) (i32.const 4)))
-      br $next
-    end
-  end)"""
+{body})"""
+
+
+def _advance_one(cell: str) -> str:
+    """Return code without branches: which timers run changes too often to be foreseen."""
+    return f"""\
+  (local.set $count (i64.load ({cell})))
+  (local.set $limit (i64.load offset=8 ({cell})))
+  (i64.store ({cell})
+    (select
+      (select (i64.add (local.get $count) (local.get $elapsed)) (local.get $limit)
+        (i64.lt_u (local.get $elapsed) (i64.sub (local.get $limit) (local.get $count))))
+      (local.get $count)
+      (i64.lt_s (local.get $count) (local.get $limit))))"""
+
 
 _CLOCKS_RUN = """\
 (func (export "clocks_run")

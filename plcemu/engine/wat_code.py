@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
-from plcemu.engine.native import KINDS
-from plcemu.engine.wat_flow import JUMPS, flow_of
-from plcemu.engine.wat_ops import Helpers, Value, plain, translate
+from plcemu.engine.wat_cells import Cells
+from plcemu.engine.wat_flow import JUMPS, Flow, flow_of
+from plcemu.engine.wat_ops import KINDS, Helpers, Value, plain, translate
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import FLOATS, SIZES, VALUE_OPS
 from plcemu.ir.program import Function, Instr
@@ -14,7 +15,39 @@ from plcemu.ir.program import Function, Instr
 _LOADS = {"bool": "i32.load8_u", "u8": "i32.load8_u", "i8": "i32.load8_s", "u16": "i32.load16_u",
           "i16": "i32.load16_s", "u32": "i32.load", "i32": "i32.load", "u64": "i64.load",
           "i64": "i64.load", "f32": "f32.load", "f64": "f64.load"}
+INLINE_SIZE = 80
+"""Instructions of a function that is still written out where it is called."""
+
+INLINE_DEPTH = 3
+INLINE_TOTAL = 8_000
+"""Instructions that one function may grow by so."""
+
 _STORES = {1: "i32.store8", 2: "i32.store16", 4: "i32.store", 8: "i64.store"}
+
+
+@dataclass(slots=True)
+class Frame:
+    """A function whose code is being written: the one itself, or one that it calls.
+
+    Attributes:
+        function: it.
+        flow: its structure.
+        base: what its instance's address counts from.
+        shift: how far its instance is from there.
+        prefix: of its labels and locals; empty for the function itself.
+    """
+
+    function: Function
+    flow: Flow
+    base: str
+    shift: int
+    prefix: str
+
+    @property
+    def returns_at_end(self) -> bool:
+        """Whether the last instruction is a return that needs no word for it."""
+        return self.function.code[-1].op == "ret" and self.flow.live[-1] \
+            and not self.flow.dispatched
 
 
 class FunctionWriter:
@@ -24,45 +57,53 @@ class FunctionWriter:
         function: it.
         functions: all of the program, by name.
         names: the WebAssembly name of each.
-        origin: where the memory block begins in WebAssembly's memory.
-        helpers: collects what the module needs besides.
+        helpers: where the memory block stands; collects what the module needs besides.
+        fixed: the address of the only instance it ever runs on, if there is one.
     """
 
     def __init__(self, function: Function, functions: dict[str, Function], names: dict[str, str],
-                 origin: int, helpers: Helpers) -> None:
+                 helpers: Helpers, fixed: int | None = None) -> None:
         self._function, self._functions, self._names = function, functions, names
-        self._origin, self._helpers = origin, helpers
-        self._flow = flow_of(function.code)
+        self._origin, self._helpers = helpers.origin, helpers
+        self._frame = self._frame_of(function, "this", 0) if fixed is None \
+            else self._frame_of(function, "memory", fixed)
         self._lines: list[str] = []
         self._stack: list[Value] = []
-        self._places = {i.arg: n for n, i in enumerate(function.code) if i.op == "label"}
+        self._cells = Cells()
+        self._falls = True
         self._place = ""
-        self._site_of: dict[int, str] = {}
+        self._depth = self._inlined = self._growth = 0
+
+    def _frame_of(self, function: Function, base: str, shift: int, prefix: str = "") -> Frame:
+        known = self._helpers.flows
+        if function.name not in known:
+            known[function.name] = flow_of(function.code)
+        return Frame(function, known[function.name], base, shift, prefix)
 
     def write(self) -> str:
         """Return the function's text."""
-        code = self._function.code
-        if self._flow.dispatched:
+        if self._frame.flow.dispatched:
             self._open_dispatcher()
-        for n, instr in enumerate(code):
-            if self._flow.live[n]:
+        self._body()
+        if self._frame.flow.dispatched:
+            self._lines.append("end")
+        if not self._frame.returns_at_end:
+            self._lines.append("unreachable")
+        self._lines = _without_copies_that_nobody_reads(self._lines)
+        return "\n".join([self._head(), *self._locals(), *_indented(self._lines), ")"])
+
+    def _body(self) -> None:
+        flow = self._frame.flow
+        for n, instr in enumerate(self._frame.function.code):
+            if flow.live[n]:
                 self._comment(instr)
                 self._instruction(instr, n)
-                self._lines += ["end"] * self._flow.closes.get(n, 0)
-        if self._flow.dispatched:
-            self._lines.append("end")
-        if not self._returns_at_end():
-            self._lines.append("unreachable")
-        return "\n".join([self._head(), *self._locals(), *_indented(self._lines), ")"])
+                self._lines += ["end"] * flow.closes.get(n, 0)
+                self._falls = instr.op not in ("jump", "ret", "fault")
 
     def _head(self) -> str:
         name, result = self._names[self._function.name], self._function.result
         return f"(func {name} (param $this i32)" + (f" (result {KINDS[result]})" if result else "")
-
-    def _returns_at_end(self) -> bool:
-        """Whether the last instruction is a return that needs no word for it."""
-        return self._function.code[-1].op == "ret" and self._flow.live[-1] \
-            and not self._flow.dispatched
 
     def _locals(self) -> list[str]:
         """Return the declarations; a temporary's name begins with its type, such as `$i32.0`."""
@@ -73,22 +114,19 @@ class FunctionWriter:
                       if not name[1].isdigit()]
 
     def _comment(self, instr: Instr) -> None:
-        if instr.span is None:
+        if instr.span is None or self._stack:
             return
         source, start = instr.span.source, instr.span.start
         line, _ = source.position(start)
         place = f"{source.name}:{line}"
-        if place != self._place and not self._stack:
+        if place != self._place:
             self._place = place
             text = source.text[source.text.rfind("\n", 0, start) + 1:].partition("\n")[0].strip()
             self._lines.append(f";; {place}: {text}"[:120])
 
     def _site(self, n: int) -> str:
         """Return the line that pushes the number of a place where the program can fault."""
-        if n not in self._site_of:
-            self._site_of[n] = f"i32.const {len(self._helpers.sites)}"
-            self._helpers.sites.append((self._function.name, n))
-        return self._site_of[n]
+        return f"i32.const {self._helpers.site(self._frame.function.name, n)}"
 
     # ------------------------------------------------------------ statements and values
 
@@ -102,7 +140,11 @@ class FunctionWriter:
         self._lines += lines
 
     def _open_blocks(self, n: int) -> None:
-        self._lines += [f"block $L{label}" for label in self._flow.opens.get(n, ())]
+        self._lines += [f"block {self._label_name(label)}"
+                        for label in self._frame.flow.opens.get(n, ())]
+
+    def _label_name(self, label: int) -> str:
+        return f"${self._frame.prefix}L{label}"
 
     def _instruction(self, instr: Instr, n: int) -> None:
         op, arg = instr.op, instr.arg
@@ -132,23 +174,39 @@ class FunctionWriter:
                                  still=True))
 
     def _load(self, arg: tuple[str, str, int], n: int) -> None:
-        machine, base, offset = arg
+        machine, base, offset = self._cell(arg)
+        name, raw = _copy_of(base, offset, machine), self._cells.find(base, offset, machine)
+        if raw is not None:
+            self._stack.append(Value(machine, [f"local.get {name}"], raw))
+            return
+        raw = machine in FLOATS
+        self._cells.loaded(base, offset, machine, raw)
         line = f"({_LOADS[machine]} offset={self._origin + offset} {_base(base)})"
-        self._stack.append(Value(machine, [f"{line}  ;; {base}+{offset}"], raw=machine in FLOATS))
+        self._stack.append(Value(machine, [f"{line}  ;; {base}+{offset}", f"local.tee {name}"],
+                                 raw))
+
+    def _cell(self, arg: tuple[str, str, int]) -> tuple[str, str, int]:
+        """Return a cell as the outermost function sees it."""
+        machine, base, offset = arg
+        if base == "this":
+            return machine, self._frame.base, self._frame.shift + offset
+        return arg
 
     def _store(self, arg: tuple[str, str, int], n: int) -> None:
-        machine, base, offset = arg
+        machine, base, offset = self._cell(arg)
         value = self._stack.pop()
         self._statement([_base(base), *self._to_store(value),
+                         f"local.tee {_copy_of(base, offset, machine)}",
                          f"{_store(machine)} offset={self._origin + offset}  ;; {base}+{offset}"])
+        self._cells.stored(base, offset, machine, value.raw and machine not in FLOATS)
 
     def _to_store(self, value: Value) -> list[str]:
         return plain(value) if value.machine in FLOATS or value.offset else value.code
 
     def _addr(self, arg: tuple[str, int], n: int) -> None:
-        base, offset = arg
-        code = [_base("this")] if base == "this" else ["i32.const 0"]
-        self._stack.append(Value("u32", code, offset=offset, still=True))
+        _, base, offset = self._cell(("u32", *arg))
+        code = ["(local.get $this)" if base == "this" else "i32.const 0"]
+        self._stack.append(Value("u32", code, offset=offset, still=True, const=(base, offset)))
 
     def _loadat(self, arg: tuple[str, int], n: int) -> None:
         machine, offset = arg
@@ -163,10 +221,12 @@ class FunctionWriter:
         where = self._origin + address.offset + offset
         self._statement([*address.code, *self._to_store(value),
                          f"{_store(machine)} offset={where}"])
+        self._cells.forget()
 
     def _copy(self, arg: int, n: int) -> None:
         source, target = self._stack.pop(), self._stack.pop()
-        self._statement([*plain(target), *plain(source), f"i32.const {arg}", "call $copy"])
+        self._statement([*plain(target), *plain(source), f"i32.const {arg}", self._helpers.copy()])
+        self._cells.forget()
 
     def _index(self, arg: tuple[int, int, int], n: int) -> None:
         low, count, size = arg
@@ -199,29 +259,72 @@ class FunctionWriter:
             self._stack.append(Value(row.pushes, lines))
         else:
             self._statement(lines)
+            self._cells.forget()
+
+    def _local(self, number: int) -> str:
+        prefix, machine = self._frame.prefix, self._frame.function.locals[number]
+        return f"${KINDS[machine]}.{prefix}{number}" if prefix else f"${number}"
 
     def _get(self, arg: int, n: int) -> None:
-        self._stack.append(Value(self._function.locals[arg], [f"local.get ${arg}"]))
+        self._stack.append(Value(self._frame.function.locals[arg],
+                                 [f"local.get {self._local(arg)}"]))
 
     def _set(self, arg: int, n: int) -> None:
         value = self._stack.pop()
-        self._statement([*plain(value), f"local.set ${arg}"])
+        self._statement([*plain(value), f"local.set {self._local(arg)}"])
 
     def _drop(self, arg: None, n: int) -> None:
         value = self._stack.pop()
         self._statement([] if value.still else [*value.code, "drop"])
 
     def _call(self, arg: str, n: int) -> None:
-        lines = [*plain(self._stack.pop()), f"call {self._names[arg]}"]
-        result = self._functions[arg].result
-        if result:
-            self._stack.append(Value(result, lines))
+        address, callee = self._stack.pop(), self._functions[arg]
+        if isinstance(address.const, tuple) and self._may_inline(callee):
+            base, shift = address.const
+            frame = self._frame_of(callee, base, shift, f"{self._names[arg][5:]}{self._inlined}.")
+            if not frame.flow.dispatched:
+                self._inline(frame)
+                return
+        lines = [*plain(address), f"call {self._names[arg]}"]
+        if callee.result:
+            self._stack.append(Value(callee.result, lines))
         else:
             self._statement(lines)
+        self._cells.forget()
+
+    def _may_inline(self, callee: Function) -> bool:
+        return not callee.result and len(callee.code) <= INLINE_SIZE \
+            and self._depth < INLINE_DEPTH and self._growth + len(callee.code) <= INLINE_TOTAL
+
+    def _inline(self, frame: Frame) -> None:
+        """Write a function out where it is called."""
+        code, caller, waiting = frame.function.code, self._frame, self._stack
+        self._statement([])
+        self._frame, self._stack = frame, []
+        self._depth, self._inlined = self._depth + 1, self._inlined + 1
+        self._growth += len(code)
+        for number, machine in enumerate(frame.function.locals):
+            self._lines += [f"{KINDS[machine]}.const 0", f"local.set {self._local(number)}"]
+        leaves = any(i.op == "ret" and frame.flow.live[n] for n, i in enumerate(code[:-1]))
+        ending = f"${frame.prefix}end"
+        if leaves:
+            self._lines.append(f"block {ending}")
+        self._body()
+        if leaves:
+            self._lines.append(f"end  ;; {ending}")
+            self._cells.meet(ending, frame.returns_at_end)
+        elif not frame.returns_at_end:
+            self._lines.append("unreachable")
+        self._frame, self._stack, self._depth = caller, waiting, self._depth - 1
 
     def _ret(self, arg: None, n: int) -> None:
+        last = n == len(self._frame.function.code) - 1 and self._frame.returns_at_end
+        if self._frame.prefix:
+            if not last:
+                self._statement([f"br ${self._frame.prefix}end"])
+                self._cells.jump(f"${self._frame.prefix}end")
+            return
         lines = plain(self._stack.pop()) if self._function.result else []
-        last = n == len(self._function.code) - 1 and self._returns_at_end()
         self._statement(lines if last else [*lines, "return"])
 
     def _fault(self, arg: str, n: int) -> None:
@@ -231,25 +334,31 @@ class FunctionWriter:
     # ------------------------------------------------------------ jumps
 
     def _label(self, arg: int, n: int) -> None:
-        if arg in self._flow.targets:
-            self._lines.append(f"end  ;; $L{arg}")
+        flow, name = self._frame.flow, self._label_name(arg)
+        self._cells.meet(name, self._falls)
+        if arg in flow.targets:
+            self._lines.append(f"end  ;; {name}")
         self._open_blocks(n)
-        if arg in self._flow.loops:
-            self._lines.append(f"loop $again{arg}")
+        if arg in flow.loops:
+            self._lines.append(f"loop {name}.again")
+        if arg in flow.loops or flow.dispatched:
+            self._cells.forget()
 
     def _open_dispatcher(self) -> None:
-        labels = [i.arg for i in self._function.code
-                  if i.op == "label" and i.arg in self._flow.targets]
+        flow = self._frame.flow
+        labels = [i.arg for i in self._function.code if i.op == "label" and i.arg in flow.targets]
         self._lines += ["loop $dispatch", *(f"block $L{label}" for label in reversed(labels)),
                         "block $first", "local.get $i32.next", "br_table $first "
-                        + " ".join(f"$L{label}" for label in self._flow.dispatched), "end"]
+                        + " ".join(f"$L{label}" for label in flow.dispatched), "end"]
 
     def _jump(self, op: str, label: int, n: int) -> None:
         condition = self._stack.pop().code if op != "jump" else []
-        target = self._places[label]
+        target = self._frame.flow.places[label]
         if target > n:
             branch = {"jump": ["br"], "jumpif": ["br_if"], "jumpifnot": ["i32.eqz", "br_if"]}[op]
-            self._statement([*condition, *branch[:-1], f"{branch[-1]} $L{label}"])
+            name = self._label_name(label)
+            self._statement([*condition, *branch[:-1], f"{branch[-1]} {name}"])
+            self._cells.jump(name)
             return
         lines = self._spend(n - target, n) + self._back(label)
         if op == "jump":
@@ -259,9 +368,9 @@ class FunctionWriter:
             self._statement([*condition, *inverse, "if", *lines, "end"])
 
     def _back(self, label: int) -> list[str]:
-        if not self._flow.dispatched:
-            return [f"br $again{label}"]
-        return [f"i32.const {self._flow.dispatched.index(label) + 1}", "local.set $i32.next",
+        if not self._frame.flow.dispatched:
+            return [f"br {self._label_name(label)}.again"]
+        return [f"i32.const {self._frame.flow.dispatched.index(label) + 1}", "local.set $i32.next",
                 "br $dispatch"]
 
     def _spend(self, cost: int, n: int) -> list[str]:
@@ -271,6 +380,17 @@ class FunctionWriter:
                 "global.get $left", "i64.const 0", "i64.lt_s",
                 "if", "global.get $budget", self._site(n),
                 self._helpers.host("overrun", ("i64",), ""), "end"]
+
+
+def _copy_of(base: str, offset: int, machine: str) -> str:
+    """Return the name of the local that may hold a copy of a cell."""
+    return f"${KINDS[machine]}.{base}+{offset}.{machine}"
+
+
+def _without_copies_that_nobody_reads(lines: list[str]) -> list[str]:
+    read = {line[10:] for line in lines if line.startswith("local.get $") and "+" in line}
+    return [line for line in lines
+            if not (line.startswith("local.tee $") and "+" in line and line[10:] not in read)]
 
 
 def _base(base: str) -> str:

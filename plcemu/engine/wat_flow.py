@@ -32,6 +32,7 @@ class Flow:
 
     Attributes:
         live: whether each instruction can be reached at all.
+        places: where each label is.
         opens: before an instruction: labels whose blocks begin there, the outermost first.
         loops: at a label: whether a loop begins there (inside the blocks that begin there).
         closes: after an instruction: how many loops end there.
@@ -40,6 +41,7 @@ class Flow:
     """
 
     live: list[bool]
+    places: dict[int, int]
     opens: dict[int, list[int]] = field(default_factory=dict)
     loops: set[int] = field(default_factory=set)
     closes: dict[int, int] = field(default_factory=dict)
@@ -59,7 +61,7 @@ def flow_of(code: Sequence[Instr]) -> Flow:
                 first.setdefault(instr.arg, n)
             else:
                 last[instr.arg] = n
-    flow = Flow(live, targets=set(first))
+    flow = Flow(live, places, targets=set(first))
     loops = _loops(places, last)
     inside = _nest(loops, len(code))
     blocks = []

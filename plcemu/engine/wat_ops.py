@@ -13,8 +13,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from plcemu.engine.native import KINDS
+from plcemu.engine.wat_flow import Flow
 from plcemu.ir.ops import FLOATS, INTEGERS, VALUE_OPS
+
+KINDS = {**dict.fromkeys(("bool", "i8", "i16", "i32", "u8", "u16", "u32"), "i32"),
+         "i64": "i64", "u64": "i64", "f32": "f32", "f64": "f64"}
+"""The WebAssembly type that holds a value of each machine type."""
 
 
 @dataclass(slots=True)
@@ -25,7 +29,7 @@ class Value:
         machine: its machine type.
         code: the lines.
         raw: whether it is yet to be made plain.
-        const: the value itself where it is known.
+        const: the value itself where it is known; of an address, base and offset.
         offset: for an address: to be added to what the lines push.
         still: whether pushing it later gives the same.
     """
@@ -42,15 +46,28 @@ class Helpers:
     """What a module needs besides the program's functions: its helpers, host functions, places.
 
     Attributes:
+        origin: where the program's memory block begins in WebAssembly's memory.
+        size: of the block, in bytes.
         used: helper functions by name.
         hosts: imported functions by name: machine types taken and given.
         sites: the instruction of each site, as function and number in its code.
+        flows: the structure of each function's code.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, origin: int, size: int) -> None:
+        self.origin, self.size = origin, size
         self.used: dict[str, str] = {}
         self.hosts: dict[str, tuple[tuple[str, ...], str]] = {}
         self.sites: list[tuple[str, int]] = []
+        self.flows: dict[str, Flow] = {}
+        self._numbers: dict[tuple[str, int], int] = {}
+
+    def site(self, function: str, at: int) -> int:
+        """Return the number of a place where the program can fault."""
+        if (function, at) not in self._numbers:
+            self._numbers[function, at] = len(self.sites)
+            self.sites.append((function, at))
+        return self._numbers[function, at]
 
     def host(self, name: str, pops: tuple[str, ...], pushes: str) -> str:
         """Return the instruction that calls a host function; it takes a site last."""
@@ -66,6 +83,20 @@ class Helpers:
         """Return the instruction that calls a helper function, made at its first use."""
         self.used.setdefault(name, f"(func ${name} {signature}\n{body})")
         return f"call ${name}"
+
+    def copy(self) -> str:
+        """Return the instruction that copies within the block: to, from, how many bytes.
+
+        An address outside the block must not reach what stands before it.
+        """
+        return self.helper("copy", "(param $to i32) (param $from i32) (param $count i32)", f"""\
+  (i32.or (i32.gt_u (local.get $to) (i32.sub (i32.const {self.size}) (local.get $count)))
+          (i32.gt_u (local.get $from) (i32.sub (i32.const {self.size}) (local.get $count))))
+  if
+    unreachable
+  end
+  (memory.copy (i32.add (local.get $to) (i32.const {self.origin}))
+               (i32.add (local.get $from) (i32.const {self.origin})) (local.get $count))""")
 
 
 def bits(machine: str) -> int:

@@ -12,7 +12,7 @@ conversion happens here, once a scan, and only where something changed.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -195,6 +195,24 @@ class Port:
         self._pending.clear()
 
 
+def _grouped(extents: Sequence[Extent]) -> dict[str, list[Extent]]:
+    by_area: dict[str, list[Extent]] = {}
+    for extent in extents:
+        by_area.setdefault(extent.area, []).append(extent)
+    return by_area
+
+
+def _same_element(offset: int, old: Sequence[Extent], new: Sequence[Extent]) -> int | None:
+    """Return where the element of an area that stands at an offset stands in other extents."""
+    for extent in old:
+        if extent.memory_slice.start <= offset < extent.memory_slice.stop:
+            element = extent.first + (offset - extent.offset) // extent.width
+            for other in new:
+                if other.area == extent.area and 0 <= element - other.first < other.count:
+                    return other.offset + (element - other.first) * other.width
+    return None
+
+
 class Exchange:
     """The process image as the world sees it, over one memory block.
 
@@ -206,9 +224,7 @@ class Exchange:
     def __init__(self, memory: bytearray | memoryview, extents: Sequence[Extent] = ()) -> None:
         self._memory = memory
         self._extents = tuple(extents)
-        self._by_area: dict[str, list[Extent]] = {}
-        for extent in self._extents:
-            self._by_area.setdefault(extent.area, []).append(extent)
+        self._by_area = _grouped(self._extents)
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
@@ -281,6 +297,34 @@ class Exchange:
             begin += len(image)
         self._forces = dict(point.forces)
         self._last_raw = [b""] * len(self._extents)
+
+    def rebind(self, memory: bytearray | memoryview, extents: Sequence[Extent],
+               place: Callable[[int, int], int | None]) -> list[int]:
+        """Go on over the memory of an edited program, between two scans; ports stay as they are.
+
+        The image stays what it is. Waiting writes must have been latched before.
+
+        Args:
+            memory: the new block.
+            extents: the stretches of the areas that stand in it.
+            place: where bytes of the old block (offset, count) stand in the new one, or None.
+
+        Returns:
+            The old offsets of forces that have no place any more; they end.
+        """
+        forces, ended = {}, []
+        for offset, data in self._forces.items():
+            new = place(offset, len(data))
+            if new is None:
+                new = _same_element(offset, self._extents, extents)
+            if new is None:
+                ended.append(offset)
+            else:
+                forces[new] = data
+        self._memory, self._extents, self._forces = memory, tuple(extents), forces
+        self._by_area = _grouped(self._extents)
+        self._last_raw = [b""] * len(self._extents)
+        return ended
 
     def update_inputs(self) -> None:
         """Latch all waiting writes together into image and memory, then the forces."""

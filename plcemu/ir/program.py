@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from plcemu.base.spans import Diagnostic, Span
 from plcemu.base.tags import Tag
+from plcemu.ir.shape import Variable
 
 Block = bytearray | memoryview
 """The memory of a running program, as everyone sees it."""
@@ -98,23 +99,6 @@ class ImageExtent:
 
 
 @dataclass(frozen=True, slots=True)
-class Retained:
-    """A variable that keeps its value over a warm restart (VAR RETAIN).
-
-    Attributes:
-        name: its full name, or a part of one.
-        type: its type's name, in the user's spelling.
-        offset: in the memory block.
-        size: in bytes.
-    """
-
-    name: str
-    type: str
-    offset: int
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
 class Layout:
     """The memory block.
 
@@ -124,13 +108,16 @@ class Layout:
         extents: the process image in it.
         clocks: the clock cells in it.
         retained: the variables that keep their values over a warm restart, in textual order.
+        variables: all variables that an edited program can take over: constants, inputs and what
+            means nothing from one scan to the next are left out.
     """
 
     initial: bytes
     slots: tuple[Slot, ...]
     extents: tuple[ImageExtent, ...]
     clocks: tuple[ClockCell, ...]
-    retained: tuple[Retained, ...] = ()
+    retained: tuple[Variable, ...] = ()
+    variables: tuple[Variable, ...] = ()
 
     @property
     def size(self) -> int:

@@ -7,13 +7,15 @@ from collections.abc import Iterable
 from plcemu.base.areas import Address
 from plcemu.base.tags import Tag
 from plcemu.base.types import ElementaryType, StringType
-from plcemu.ir.program import ClockCell, Expiry, Layout, Retained, Slot
+from plcemu.ir.program import ClockCell, Expiry, Layout, Slot
+from plcemu.ir.shape import Record, Variable
 from plcemu.lang.frames import Functions
 from plcemu.lang.image import Image
 from plcemu.lang.located import leaf_address
 from plcemu.lang.planning import Planned
 from plcemu.lang.scope import Scope
 from plcemu.lang.scopes import Declarations
+from plcemu.lang.shapes import Shapes
 from plcemu.lang.types import (
     CLOCK,
     TYPE_OF_SIZE,
@@ -43,20 +45,23 @@ def assemble(declarations: Declarations, instances: list[Planned], image: Image,
                 zip(instances, plan.bases, strict=True))]
     whole = {each.name for each in instances if each.declaration and each.declaration.retain}
     located: set[str] = set()
-    retained: list[Retained] = []
+    retained: list[Variable] = []
+    variables: list[Variable] = []
+    carried, kept = Shapes(), Shapes(retained=True)
     for name, scope, base in placed:
         data = default_bytes(scope.type)
         initial[base:base + len(data)] = data
         slots += _located_slots(scope, name, initial, located)
-        retained += [Retained(name, scope.type.name, base, scope.type.size)] if name in whole \
-            else _retained(scope, name, base)
+        variables += _variables(scope, name, base, carried)
+        retained += _retained(scope, name, base, kept, name in whole)
         slots += _variable_slots(scope.type, name, base)
         found += [_cell(clock, is_et_read) for clock in clocks(scope.type, base)]
     slots += _direct_slots([scope for _, scope, _ in placed], addresses, image,
                            {slot.tag.address for slot in slots})
     for offset, data in plan.initial:
         initial[offset:offset + len(data)] = data
-    return Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(found), tuple(retained))
+    return Layout(bytes(initial), tuple(slots), tuple(image.extents), tuple(found),
+                  tuple(retained), tuple(variables))
 
 
 def _tag(name: str, of: ElementaryType | StringType, address: str = "") -> Tag:
@@ -81,12 +86,34 @@ def _located_slots(scope: Scope, instance: str, initial: bytearray,
     return slots
 
 
-def _retained(scope: Scope, instance: str, base: int) -> list[Retained]:
-    """Return the RETAIN variables of an instance, those inside its function blocks too."""
+def _variables(scope: Scope, instance: str, base: int, shapes: Shapes) -> list[Variable]:
+    """Return the variables of an instance that an edited program can take over.
+
+    Inputs are left out: their values are the world's.
+    """
     prefix = f"{instance}." if instance else ""
-    found = [Retained(prefix + each.name, each.type.name, each.offset, each.type.size)
-             for each in scope.located if each.retain]
-    found += [Retained(name.removeprefix("."), each.type.name, offset, each.type.size)
+    found = [Variable(prefix + each.name, each.type.name, shapes.of(each.type), each.offset)
+             for each in scope.located if each.address.area[0] != "I" and not each.constant]
+    record = shapes.of(scope.type)
+    assert isinstance(record, Record)
+    return found + [Variable(prefix + name, scope.type.fields[name.upper()].type.name, shape,
+                             base + offset) for name, offset, shape in record.fields]
+
+
+def _retained(scope: Scope, instance: str, base: int, shapes: Shapes,
+              is_whole: bool) -> list[Variable]:
+    """Return the RETAIN variables of an instance, those inside its function blocks too.
+
+    Of an instance that is RETAIN as a whole these are all that are not NON_RETAIN.
+    """
+    if is_whole:
+        left_out = {each.name for each in scope.located if each.retain is False}
+        return [v for v in _variables(scope, instance, base, shapes)
+                if v.name.removeprefix(f"{instance}.") not in left_out]
+    prefix = f"{instance}." if instance else ""
+    found = [Variable(prefix + each.name, each.type.name, shapes.of(each.type), each.offset)
+             for each in scope.located if each.retain and not each.constant]
+    found += [Variable(name.removeprefix("."), each.type.name, shapes.of(each.type), offset)
               for name, offset, each in retained_fields(scope.type, instance, base)]
     return found
 

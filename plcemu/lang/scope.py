@@ -24,7 +24,8 @@ class Located:
     address: Address
     offset: int
     initial: bytes | None = None
-    retain: bool = False
+    retain: bool | None = None
+    constant: bool = False
 
 
 @dataclass(slots=True)

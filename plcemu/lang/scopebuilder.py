@@ -188,7 +188,7 @@ class ScopeBuilder:
         read_only = "it is CONSTANT" if variable.constant else ""
         self.scope.places[key] = Place("memory", offset, root(of), variable.name, read_only)
         self.scope.located.append(Located(variable.name, root(of), address, offset, initial,
-                                          variable.retain))
+                                          variable.retain, variable.constant))
 
     def _chart(self, body: s.SfcBody) -> None:
         read = _steps_whose_time_is_read(body)

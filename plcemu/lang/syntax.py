@@ -449,6 +449,7 @@ class Variable:
         type: as written.
         initial: the initial value, if written.
         address: the location after AT, as written, or empty.
+        retain: True for RETAIN, False for NON_RETAIN, None where neither is written.
         edge: `R_EDGE` or `F_EDGE` of an input that tells its edges, or empty.
     """
 
@@ -460,7 +461,7 @@ class Variable:
     address: str
     address_span: Span
     constant: bool = False
-    retain: bool = False
+    retain: bool | None = None
     edge: str = ""
 
 

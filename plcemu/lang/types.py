@@ -141,7 +141,8 @@ class ArrayType:
 class Field:
     """A field of a block type, `offset` bytes after the instance's begin.
 
-    A VAR_IN_OUT holds the address of its variable, whose type is `target`.
+    A VAR_IN_OUT holds the address of its variable, whose type is `target`. `retain` is False for
+    NON_RETAIN, None where nothing is written.
     """
 
     name: str
@@ -150,7 +151,7 @@ class Field:
     section: str = "VAR"
     initial: bytes | None = None
     constant: bool = False
-    retain: bool = False
+    retain: bool | None = None
     target: Type | None = None
 
     @property
@@ -271,9 +272,9 @@ def retained_fields(of: Type, name: str, offset: int) -> Iterator[tuple[str, int
                                            offset + n * of.stride)
     elif isinstance(of, BlockType):
         for each in of.fields.values():
-            if each.retain:
+            if each.retain and not each.constant:
                 yield f"{name}.{each.name}", offset + each.offset, each
-            else:
+            elif each.retain is None:
                 yield from retained_fields(each.type, f"{name}.{each.name}", offset + each.offset)
 
 

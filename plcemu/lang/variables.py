@@ -64,8 +64,14 @@ def _declaration(cursor: Cursor, section: str, options: set[str]) -> list[s.Vari
     cursor.expect(";", "after the declaration")
     tokens = [(t.text, t.span) for t in names] or [(address, address_span)]
     return [s.Variable(span, name, section, spec, initial, address, address_span,
-                       "CONSTANT" in options, bool(options & {"RETAIN", "PERSISTENT"}), edge)
+                       "CONSTANT" in options, _retention(options), edge)
             for name, span in tokens]
+
+
+def _retention(options: set[str]) -> bool | None:
+    if options & {"RETAIN", "PERSISTENT"}:
+        return True
+    return False if "NON_RETAIN" in options else None
 
 
 def _edge(cursor: Cursor, section: str, spec: s.TypeSpec) -> str:

@@ -219,7 +219,8 @@ class General:
         """Return the stretches on which the demand is still open, as the instants they begin."""
         if not self._shape.repeated or self._t < 0:
             return []
-        now, free = t_ns - self._start_ns, self._shape.first_ns
+        # After the last change time passed without one: nothing new came to be owed.
+        now, free = min(t_ns - self._start_ns, self._t), max(self._shape.first_ns, self._body.first)
         found: list[int] = []
         for start, end, _ in self._body.within(free, now):
             if free < start:

@@ -9,7 +9,7 @@ being the other. It is told of G p and F p where p speaks of one instant and com
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from plcemu.monitor.bind import NUMBER, Binder, Values, Writer
 from plcemu.monitor.formula import (
@@ -27,8 +27,9 @@ from plcemu.monitor.formula import (
 class Margin:
     """Keeps the distance of G p (the smallest so far) or F p (the largest so far)."""
 
-    def __init__(self, distance: Callable[[Values, Values], float], always: bool) -> None:
-        self._distance, self._always = distance, always
+    def __init__(self, distance: Callable[[Values, Values], float], always: bool,
+                 tags: Sequence[int]) -> None:
+        self._distance, self._always, self._tags = distance, always, tags
         self._extreme = math.inf if always else -math.inf
 
     @property
@@ -39,7 +40,9 @@ class Margin:
     def step(self, now: Values, before: Values, sure: bool) -> None:
         """Take the values from an instant on; values that are not known measure nothing."""
         if not sure:
-            return
+            if any(now[i] is None for i in self._tags):
+                return
+            before = now
         distance = self._distance(now, before)
         if (distance < self._extreme) is self._always:
             self._extreme = distance
@@ -53,7 +56,7 @@ def margin_of(formula: Formula, binder: Binder) -> Margin | None:
     writer = Writer(binder)
     code = compile(f"lambda now, before: {_distance(formula.arg, writer)}",
                    f"<distance of {formula.arg}>", "eval")
-    return Margin(eval(code, writer.scope), formula.op == "G")
+    return Margin(eval(code, writer.scope), formula.op == "G", binder.used(formula))
 
 
 def _compares(formula: Formula, binder: Binder) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
@@ -44,6 +44,7 @@ class Suite:
         self._tags = tags
         self._watches, delays = _watches(properties, tags)
         self._lines = DelayLines(delays) if delays else None
+        self._sources = {delay.slot: delay.source for delay in delays}
         self._open = list(self._watches)
         self._now: list[Value | None] = [None] * (len(tags) + len(delays))
         self._before: list[Value | None] = []
@@ -168,6 +169,25 @@ class Suite:
     def results(self) -> list[Result]:
         """Return how every property stands now, in the order they were given."""
         return [watch.result(self._t_ns) for watch in self._watches]
+
+    def keep_only(self, names: Collection[str]) -> None:
+        """Judge the properties of these names alone from now on."""
+        self._watches = [watch for watch in self._watches if watch.entry.name in names]
+        self._open = [watch for watch in self._open if watch.entry.name in names]
+        self._verdicts = [self._verdicts[watch.place] for watch in self._watches]
+        for place, watch in enumerate(self._watches):
+            watch.place = place
+        self._settle()
+        self._index()
+
+    def tags_used(self, name: str | None = None) -> set[int]:
+        """Return the indices of the tags that a property names, or all properties."""
+        return {self._sources.get(index, index) for watch in self._watches
+                if name in (None, watch.entry.name) for index in watch.tags_used}
+
+    def value(self, index: int) -> Value | None:
+        """Return a tag's value as of the last frame; None before the first."""
+        return self._now[index]
 
     # ------------------------------------------------------------ changes
 

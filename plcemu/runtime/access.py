@@ -45,6 +45,14 @@ class TagAccess:
         raw = point.from_image(self._port.read(*point.image_place()))
         return row.unpack(raw.to_bytes(row.size, "little"))
 
+    def type_of(self, name: str) -> str:
+        """Return the name of a tag's or address's type; raises `UnknownNameError`."""
+        return self._find(name)[1].name
+
+    def is_of(self, memory: Memory) -> bool:
+        """Whether it is for this memory, rather than that of a program before an online change."""
+        return self._memory is memory
+
     def write(self, name: str, value: Value) -> None:
         """Queue a value; the next scan takes it.
 

@@ -191,6 +191,21 @@ class OutputSection(PointSection):
     location = "Q"
 
 
+class RetainSection(Section):
+    """Where and how often retained variables are kept."""
+
+    enabled: bool = True
+    file: str | None = None
+    interval: Duration = 1_000_000_000
+
+
+class ControlSection(Section):
+    """The socket of `plcemu control`."""
+
+    enabled: bool = True
+    socket: str | None = None
+
+
 def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
@@ -262,10 +277,17 @@ class Config(Section):
     plant: PlantSection | None = None
     properties: Texts = []
     plot: dict[str, Texts] = {}
+    retain: RetainSection = RetainSection()
+    control: ControlSection = ControlSection()
     verify: VerifySection = VerifySection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
+
+    @property
+    def file_path(self) -> Path:
+        """The file that it was read from."""
+        return Path(self._file)
 
     @property
     def program_paths(self) -> list[Path]:
@@ -336,6 +358,7 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
 
 
 _PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
+_FILE_KEYS = (("retain", "file"), ("control", "socket"))
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
@@ -347,6 +370,10 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         if isinstance(section, dict) and isinstance(section.get(key), str | list):
             section[key] = [str(file.parent / p) if isinstance(p, str) else p
                             for p in _as_list(section[key])]
+    for name, key in _FILE_KEYS:
+        section = values.get(name)
+        if isinstance(section, dict) and isinstance(section.get(key), str):
+            section[key] = str(file.parent / section[key])
     _place_plant(values.get("plant"), file.parent)
     if "extends" not in values:
         return values, places
@@ -522,6 +549,8 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("plant",): PlantSection,
     ("plant", "inputs", "*"): InputSection,
     ("plant", "outputs", "*"): OutputSection,
+    ("retain",): RetainSection,
+    ("control",): ControlSection,
     ("plant", "devices", "*"): DeviceSection,
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,

@@ -22,9 +22,9 @@ from plcemu.engine.resource import Checkpoint as ResourceCheckpoint
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Checkpoint as ExchangeCheckpoint
 from plcemu.io.exchange import Exchange
-from plcemu.monitor import Suite
 from plcemu.monitor.formula import tag_refs
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suites import Succession, Suites
 from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.status import CycleCounters, Source, StateTags, TaskTags, VerdictTags
@@ -73,7 +73,29 @@ class Checkpoint:
     exchange: ExchangeCheckpoint
     plant: PlantCheckpoint | None
     played: int
-    suite: Suite
+    suite: Suites
+
+
+@dataclass(frozen=True, slots=True)
+class Replacement:
+    """Another resource for a cycle, with the tags and monitors that belong to it."""
+
+    resource: Resource
+    own: _OwnTags
+    succession: Succession
+
+
+@dataclass(frozen=True, slots=True)
+class _OwnTags:
+    """The sources of tags beside memory: the verdicts are the last one."""
+
+    sources: tuple[Source, ...]
+    tasks: TaskTags
+    verdicts: VerdictTags
+
+    @property
+    def every(self) -> tuple[Source, ...]:
+        return (*self.sources, self.verdicts)
 
 
 class Cycle:
@@ -84,6 +106,7 @@ class Cycle:
         exchange: over the resource's memory.
         plant: a plant in this process, or None.
         properties: judged while it runs.
+        sources: of further tags.
 
     Raises:
         CompileError: a property does not fit the tags.
@@ -100,7 +123,7 @@ class Cycle:
     """
 
     def __init__(self, resource: Resource, exchange: Exchange, plant: LocalPlant | None = None,
-                 properties: Sequence[Property] = ()) -> None:
+                 properties: Sequence[Property] = (), sources: Sequence[Source] = ()) -> None:
         self.resource = resource
         self.exchange = exchange
         self.plant = plant
@@ -111,24 +134,53 @@ class Cycle:
         self.scan_number = 0
         self.observers: list[Observer] = []
         self.state_observers: list[Observer] = []
-        self._task_tags = TaskTags(resource)
-        self._verdicts = VerdictTags(properties)
-        own: list[Source] = [self.counters, StateTags(resource), self._task_tags]
-        self._sources: list[Source] = [plant, *own] if plant is not None else own
         self.recorder: Recorder | None = None
-        every: list[Source] = [*self._sources, self._verdicts]
-        self._last: list[Sequence[Value | None]] = [() for _ in every]
-        lengths = [len(resource.memory.tags), *(len(s.tags) for s in every)]
-        self._bases = list(accumulate(lengths))
-        self.tags = _all_tags(resource, every)
-        self.suite = Suite(properties, self.tags)
-        self._verdicts.suite = self.suite
-        self._started = False
+        self._further = tuple(sources)
+        self._own = self._own_tags(resource, properties)
+        self.tags = _all_tags(resource, self._own.every)
+        self.suite = Suites(properties, self.tags)
         self._in_lap = False
         self._commands: list[Callable[[], None]] = []
-        elapsed = resource.memory.elapsed_tags
+        self._begin()
+
+    def _own_tags(self, resource: Resource, properties: Sequence[Property]) -> _OwnTags:
+        tasks = TaskTags(resource)
+        sources = (self.plant, self.counters, StateTags(resource), tasks, *self._further)
+        return _OwnTags(tuple(s for s in sources if s is not None), tasks, VerdictTags(properties))
+
+    def _begin(self) -> None:
+        """Let the next frame be one that holds every tag."""
+        every = self._own.every
+        self._sources = self._own.sources
+        self._last: list[Sequence[Value | None]] = [() for _ in every]
+        self._bases = list(accumulate([len(self.resource.memory.tags),
+                                       *(len(s.tags) for s in every)]))
+        self._own.verdicts.suite = self.suite
+        self._started = False
+        elapsed = self.resource.memory.elapsed_tags
         self._elapsed_judged = any(self.tags.find(ref.name) in elapsed
-                                   for p in properties for ref in tag_refs(p.formula))
+                                   for p in self.suite.properties for ref in tag_refs(p.formula))
+
+    # ------------------------------------------------------------ an edited program
+
+    def plan(self, resource: Resource, properties: Sequence[Property]) -> Replacement:
+        """Find out whether tags and properties fit another resource; nothing changes yet.
+
+        Raises:
+            CompileError: a property does not fit the new tags.
+            PlcemuError: two tags have one name.
+        """
+        own = self._own_tags(resource, properties)
+        tags = _all_tags(resource, own.every)
+        return Replacement(resource, own, self.suite.plan(properties, tags))
+
+    def replace(self, plan: Replacement) -> None:
+        """Go on with another resource from the next release on; the next frame is a whole one."""
+        self.resource, self._own = plan.resource, plan.own
+        self.suite.follow(plan.succession)
+        self.tags = plan.succession.tags
+        self._begin()
+        self.t_ns = max(self.t_ns, plan.resource.first_release_ns(self.t_ns))
 
     @property
     def end_ns(self) -> int:
@@ -138,8 +190,8 @@ class Cycle:
     def values(self) -> list[Value | None]:
         """Return the present values of all tags, in their order."""
         memory = self.resource.memory
-        shown = [self._task_tags.present() if s is self._task_tags else s.values()
-                 for s in [*self._sources, self._verdicts]]
+        shown = [self._own.tasks.present() if s is self._own.tasks else s.values()
+                 for s in self._own.every]
         return [*(memory.read(i) for i in range(len(memory.tags))),
                 *(value for values in shown for value in values)]
 
@@ -219,7 +271,7 @@ class Cycle:
         undecided = self.suite.undecided
         self.suite.observe(frame)
         if changes or self.suite.undecided != undecided:
-            verdicts = self._moved(len(self._sources), self._verdicts.values())
+            verdicts = self._moved(len(self._sources), self._own.verdicts.values())
             frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
         for observer in self.observers:
             observer.observe(frame)
@@ -275,7 +327,7 @@ class Cycle:
             setattr(self.counters, name, number)
         for each, scans in zip(self.resource.statistics, point.scans, strict=True):
             each.scans = scans
-        self.suite = self._verdicts.suite = point.suite.copy()
+        self.suite = self._own.verdicts.suite = point.suite.copy()
         self.tell_all()
         if point.shown is not None:
             self._started = True
@@ -388,7 +440,7 @@ class Cycle:
             counters.missed += self.resource.releases_between(self.t_ns, following)
             self.resource.missed(self.t_ns, following)
             self.now_ns = self.t_ns = following
-        self._task_tags.show(end)
+        self._own.tasks.show(end)
 
 
 def _all_tags(resource: Resource, sources: Sequence[Source]) -> TagTable:
@@ -400,8 +452,8 @@ def _all_tags(resource: Resource, sources: Sequence[Source]) -> TagTable:
         table = TagTable(resource.memory.tags)
         for source in sources:
             for tag in source.tags:
-                table.add(tag, gives_way=tag.name.startswith(("resource.", "task.")))
+                table.add(tag, gives_way=tag.name.startswith(("resource.", "task.", "retain.")))
     except ValueError as problem:
-        raise PlcemuError(f"{problem}; the names plant, resource, task and monitor are taken, and "
-                          "properties need names of their own") from None
+        raise PlcemuError(f"{problem}; the names plant, resource, task, retain and monitor are "
+                          "taken, and properties need names of their own") from None
     return table

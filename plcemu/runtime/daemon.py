@@ -5,12 +5,20 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-from collections.abc import Callable
-from typing import Any
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, TypeVar
 
+from plcemu.base.errors import PlcemuError
 from plcemu.engine.resource import State
 from plcemu.modbus import ModbusTcpServer
+from plcemu.runtime.change import Change, ChangeReport
 from plcemu.runtime.clock import RealClock
+from plcemu.runtime.commands import Commands
+from plcemu.runtime.config import Config
+from plcemu.runtime.control import ControlServer, socket_path
+from plcemu.runtime.notify import Notifier
 from plcemu.runtime.realtime import real_time
 from plcemu.runtime.system import System
 
@@ -23,16 +31,39 @@ TELL_EVERY_S = 5.0
 """The shortest time between two log lines about overruns, in s."""
 
 
+SWITCH_S = 0.0005
+"""How long another thread, such as one that compiles, may hold up the cycle at a time, in s."""
+
+T = TypeVar("T")
+
+
+class StoppingError(PlcemuError):
+    """A request came while the PLC was ending."""
+
+
 class Daemon:
     """Runs a system in real time.
 
     Args:
         system: ready to run.
         until_ns: when to stop by itself, in the PLC's time; None is never.
+        read_config: reads the configuration anew, for a reload; None reloads the same.
+
+    Attributes:
+        changes: online changes so far.
     """
 
-    def __init__(self, system: System, until_ns: int | None = None) -> None:
+    def __init__(self, system: System, until_ns: int | None = None,
+                 read_config: Callable[[], Config] | None = None) -> None:
         self.system = system
+        self.changes = 0
+        self._read_config = read_config or (lambda: system.config)
+        self._control: ControlServer | None = None
+        self._notifier = Notifier()
+        self._reloading = asyncio.Lock()
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._work: list[tuple[Callable[[], Any], asyncio.Future[Any], bool]] = []
+        self._effects: list[tuple[asyncio.Future[Any], Any]] = []
         self.server: ModbusTcpServer | None = None
         self._until_ns = until_ns
         self._stop = asyncio.Event()
@@ -58,6 +89,12 @@ class Daemon:
         if system.config.modbus.enabled:
             self.server = system.server()
             await self.server.start()
+        if system.config.control.enabled:
+            try:
+                self._control = ControlServer(socket_path(system.config), Commands(self).handle)
+                await self._control.start()
+            except PlcemuError as problem:  # the PLC is worth more than its switchboard
+                _LOG.warning("%s", problem)
         if system.not_judged:
             _LOG.info("not judged without the plant: %s", ", ".join(system.not_judged))
         self._catch_signals()
@@ -67,6 +104,7 @@ class Daemon:
                 self._clock = clock
                 self._cycling = asyncio.ensure_future(
                     system.cycle.run(clock, self._stop, self._until_ns, self._after_lap(on_lap)))
+                self._notifier.tell(READY=1, STATUS=self._status())
                 await self._cycling
         except asyncio.CancelledError:
             if not self._stop.is_set():
@@ -75,9 +113,16 @@ class Daemon:
             await self._shut_down()
 
     def _after_lap(self, on_lap: Callable[[], None] | None) -> Callable[[], None]:
+        system = self.system
+
         def after_lap() -> None:
             if self.server is not None:
                 self.server.new_scan(self._serve_until_s())
+            self._notifier.alive()
+            if system.retention is not None:
+                system.retention.after_scan(system.cycle.scan_number - 1)
+            if self._work or self._effects:
+                self._between_scans()
             self._teller.tell()
             if on_lap is not None:
                 on_lap()
@@ -97,19 +142,144 @@ class Daemon:
                 loop.add_signal_handler(number, self.stop, f"{signal.Signals(number).name}")
             except (NotImplementedError, RuntimeError, ValueError):
                 return  # not the main thread, or a platform without: the caller stops us
+        loop.add_signal_handler(signal.SIGHUP, self._reload_soon)
+
+    # ------------------------------------------------------------ between two scans
+
+    async def between_scans(self, work: Callable[[], T], takes_effect: bool = False) -> T:
+        """Do something between two scans and return what it gives.
+
+        Args:
+            work: what to do.
+            takes_effect: whether to return only after the scan that follows.
+
+        Raises:
+            PlcemuError: raised by the work, or the PLC is ending.
+        """
+        if self._stop.is_set():
+            raise StoppingError("the PLC is ending")
+        done: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+        self._work.append((work, done, takes_effect))
+        return await done
+
+    def _between_scans(self) -> None:
+        effects, self._effects = self._effects, []
+        for done, result in effects:
+            if not done.done():
+                done.set_result(result)
+        waiting, self._work = self._work, []
+        for work, done, takes_effect in waiting:
+            if done.done():  # who asked has gone
+                continue
+            try:
+                result = work()
+            except PlcemuError as problem:
+                done.set_exception(problem)
+                continue
+            if takes_effect:
+                self._effects.append((done, result))
+            else:
+                done.set_result(result)
+
+    def _end_waiting(self) -> None:
+        """Answer whoever still waits for a scan."""
+        for done in [*(done for _, done, _ in self._work), *(done for done, _ in self._effects)]:
+            if not done.done():
+                done.set_exception(StoppingError("the PLC is ending"))
+        self._work, self._effects = [], []
+
+    # ------------------------------------------------------------ online change
+
+    def _reload_soon(self) -> None:
+        task = asyncio.ensure_future(self._reload_and_tell())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _reload_and_tell(self) -> None:
+        with suppress(PlcemuError):  # which is told already
+            await self.reload()
+
+    async def reload(self) -> ChangeReport:
+        """Read the configuration's program anew and go on with it.
+
+        It is compiled in a thread of its own and takes over between two scans.
+
+        Raises:
+            PlcemuError: the program or the configuration is wrong; the old program goes on.
+        """
+        async with self._reloading:
+            self._notifier.reloading()
+            try:
+                config, change = await self._prepare()
+                report = await self.between_scans(lambda: self._take_over(config, change))
+            except PlcemuError as problem:
+                _LOG.error("reload refused, the old program goes on:\n%s", problem)
+                raise
+            finally:
+                self._notifier.tell(READY=1, STATUS=self._status())
+        _LOG.info("reloaded: %s", report)
+        return report
+
+    async def _prepare(self) -> tuple[Config, Change]:
+        def prepare() -> tuple[Config, Change]:
+            config = self._read_config()
+            return config, self.system.prepare_change(config)
+
+        with _short_switches():
+            return await asyncio.get_running_loop().run_in_executor(None, prepare)
+
+    def _take_over(self, config: Config, change: Change) -> ChangeReport:
+        fixed = self.system.fixed_keys(config)
+        if fixed:
+            _LOG.warning("these keys changed as well, which needs a new start: %s",
+                         ", ".join(fixed))
+        report = change.apply()
+        self.system.changed(config)
+        self.changes += 1
+        return report
+
+    async def commit(self) -> dict[str, Any]:
+        """Put the retained variables as they are after a scan on the disk.
+
+        Raises:
+            PlcemuError: nothing is retained, or it cannot be written.
+        """
+        retention = self.system.retention
+        if retention is None:
+            raise PlcemuError("the program has no retained variables, or retain.enabled is false")
+        await self.between_scans(lambda: retention.hand_over(self.system.cycle.scan_number - 1))
+        progress = await asyncio.get_running_loop().run_in_executor(None, retention.wait)
+        if progress.error:
+            raise PlcemuError(progress.error)
+        return {"commits": progress.sequence, "scan": progress.scan}
+
+    def _status(self) -> str:
+        return f"{self.system.config.name or 'PLC'}: {self.system.resource.state.value}"
+
+    # ------------------------------------------------------------ the end
 
     async def _shut_down(self) -> None:
-        """Publish safe outputs while clients can still read them, then close the server."""
+        """Publish safe outputs while clients can still read them, then close the server.
+
+        The last commit of the retained variables comes before the wait for clients.
+        """
+        self._notifier.tell(STOPPING=1)
+        self._end_waiting()
         if self.system.resource.state is State.RUN:
             self.system.resource.stop()
         self.system.exchange.update_outputs()
         _LOG.info("outputs are at their safe values")
+        if self.system.retention is not None:
+            self.system.retention.finish(self.system.cycle.scan_number - 1)
+        if self._control is not None:
+            await self._control.stop()
         if self.server is not None:
             self.server.budget = None
             self.server.new_scan()
             if self.server.counters["connections_open"]:
                 await asyncio.sleep(GRACE_S)
             await self.server.stop()
+        self._notifier.close()
 
     def report(self) -> dict[str, Any]:
         """Return how things stand: the system's report, the server's counters, the timing."""
@@ -120,6 +290,17 @@ class Daemon:
         if self.server is not None:
             document["modbus"] = dict(self.server.counters)
         return document
+
+
+@contextmanager
+def _short_switches() -> Iterator[None]:
+    """Let a busy thread give way to the cycle after a short while."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(min(before, SWITCH_S))
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 class _Teller:
@@ -140,6 +321,8 @@ class _Teller:
             self._state = system.resource.state
             if self._state is State.FAULT:
                 _LOG.error("FAULT: %s; outputs are at their safe values", system.resource.fault)
+            else:
+                _LOG.info("%s", self._state.value)
         if system.cycle.suite.undecided != self._undecided:
             self._undecided = system.cycle.suite.undecided
             self._tell_verdicts()

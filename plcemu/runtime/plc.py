@@ -13,13 +13,14 @@ from plcemu.base.trace import Trace
 from plcemu.base.types import Value
 from plcemu.engine.interpreter import BUDGET
 from plcemu.engine.resource import Resource
-from plcemu.io.exchange import Exchange, Extent
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
+from plcemu.runtime.change import Change, ChangeReport, make_exchange
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.debugger import Debugger
 from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
+from plcemu.runtime.retention import KeptInStep
 
 
 def compile(source: str | Path | Iterable[str | Path], *,
@@ -38,13 +39,6 @@ def compile(source: str | Path | Iterable[str | Path], *,
     return compile_program(source, final_scan=final_scan, single_firing=single_firing)
 
 
-def make_exchange(resource: Resource) -> Exchange:
-    """Return the exchange over a resource's memory."""
-    extents = [Extent(e.area, e.first, e.count, e.offset)
-               for e in resource.program.layout.extents]
-    return Exchange(resource.memory.block, extents)
-
-
 PlcState: TypeAlias = "bytes | int | Plc"
 """A state to compare: a snapshot, the number of a recorded scan, or a PLC as it stands."""
 
@@ -55,7 +49,7 @@ class Plc:
     Args:
         program: compiled, or a text or Path to compile.
         cycle: the interval of tasks that name none, such as `"10ms"`, or ns.
-        engine: `auto` or `interpreter`.
+        engine: `auto`, `wasm` or `interpreter`.
         record: keep a `trace`, and a history to travel in.
         history: whether to keep a history without a trace, or how many bytes it may take; then
             the oldest scans are forgotten (`history.LIMIT_BYTES` by default).
@@ -63,25 +57,32 @@ class Plc:
         safe_outputs: values of outputs while not in RUN; all others are 0 or FALSE.
         budget: instructions that jumps backwards may cost in one run of a task; one that needs more
             has run away and ends in FAULT.
+        retain: a file that keeps the retained variables: they are taken over from it, and it is up
+            to date whenever `scan`, `run_for`, `stop`, `resume`, `restart` or `change` returns.
 
     Raises:
         CompileError: the program text is wrong.
-        PlcemuError: an unknown engine, a cycle or budget that is not positive.
+        PlcemuError: an unknown engine, a cycle or budget that is not positive; the retained
+            variables cannot be kept (later too).
     """
 
     def __init__(self, program: Program | str | Path, cycle: str | int = "10ms",
                  engine: str = "auto", *, record: bool = False, history: bool | int = False,
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET,
+                 retain: str | Path | None = None) -> None:
         compiled = program if isinstance(program, Program) else compile_program(program)
         self._arguments = (compiled, parse_duration_ns(cycle), engine, tasks, safe_outputs, budget)
         self._resource = Resource(*self._arguments)
+        self._kept = None if retain is None else KeptInStep(Path(retain), self._resource)
         self._exchange = make_exchange(self._resource)
         self._cycle = Cycle(self._resource, self._exchange)
         self._access = TagAccess(self._resource.memory, self._exchange, "python")
         self._trace = Trace(self._cycle.tags) if record else None
         if self._trace is not None:
             self._cycle.observers.append(self._trace)
+        self.earlier_traces: list[Trace] = []
+        """Recordings that an online change ended."""
         limit = LIMIT_BYTES if history is True or (record and history is False) else history
         self._history = History(self._cycle, limit) if limit is not False else None
 
@@ -131,10 +132,12 @@ class Plc:
         """Execute releases, one by default: latch, scan what is due, publish; then time goes on."""
         for _ in range(n):
             self._cycle.lap()
+        self._keep()
 
     def run_for(self, duration: str | int) -> None:
         """Execute all releases of the next stretch of time, such as `"2s"`, or ns."""
         self._cycle.run_virtual(self.t_ns + parse_duration_ns(duration))
+        self._keep()
 
     def debug(self) -> Debugger:
         """Return a debugger at work on this PLC, which stands between two scans."""
@@ -155,10 +158,12 @@ class Plc:
     def stop(self) -> None:
         """Go to STOP; outputs take their safe values."""
         self._cycle.stop()
+        self._keep()
 
     def resume(self) -> None:
         """Go from STOP or FAULT to RUN, with memory as it is."""
         self._cycle.resume()
+        self._keep()
 
     def restart(self, cold: bool = False) -> None:
         """Begin anew, from any state: the next scan is a first scan.
@@ -166,6 +171,52 @@ class Plc:
         A warm restart keeps the values of retained variables; in a cold one all are initial.
         """
         self._cycle.restart(cold)
+        self._keep()
+
+    # ------------------------------------------------------------ an edited program
+
+    def change(self, program: Program | str | Path) -> ChangeReport:
+        """Load an edited program between two scans; what it still has keeps its value.
+
+        A recording begins anew if the edited program has other tags; what was recorded so far is
+        in `earlier_traces`. A history always does: the past belongs to the old program.
+
+        Raises:
+            CompileError: the program text is wrong; the PLC goes on as it was.
+            PlcemuError: tasks or safe outputs do not fit it; the PLC goes on as it was.
+        """
+        compiled = program if isinstance(program, Program) else compile_program(program)
+        arguments = (compiled, *self._arguments[1:])
+        change = Change(self._cycle, Resource(*arguments), self._cycle.suite.properties)
+        trace = self.trace if self._trace is not None else None
+        report = change.apply()
+        self._arguments, self._resource = arguments, change.resource
+        self._access = TagAccess(self._resource.memory, self._exchange, "python")
+        if trace is not None and report.is_recorded_anew:
+            self.earlier_traces.append(trace)
+            self._cycle.observers.remove(trace)
+            self._trace = Trace(self._cycle.tags)
+            self._cycle.observers.append(self._trace)
+        if self._history is not None:
+            self._history = History(self._cycle, self._history.limit_bytes)
+        self._keep()
+        return report
+
+    def retained(self) -> dict[str, Value]:
+        """Return the values of the retained tags, by their full names."""
+        memory = self._resource.memory
+        places = [(v.offset, v.offset + v.size) for v in self._resource.program.layout.retained]
+        return {tag.name: memory.read(n) for n, tag in enumerate(memory.tags)
+                if any(begin <= memory.place(n)[0] < end for begin, end in places)}
+
+    @property
+    def retain_problems(self) -> list[str]:
+        """What was wrong with the file of the retained variables, and what did not fit."""
+        return self._kept.problems if self._kept is not None else []
+
+    def _keep(self) -> None:
+        if self._kept is not None:
+            self._kept.keep(self._resource)
 
     def snapshot(self) -> bytes:
         """Return the whole state of the program; it holds no absolute time."""

@@ -15,8 +15,8 @@ from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.engine.resource import Resource
 from plcemu.engine.statistics import TaskStatistics
-from plcemu.monitor import Suite
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suites import Suites
 
 SHOWN_EVERY_NS = 1_000_000_000
 """The least time between two frames that show the statistics of tasks anew, in ns."""
@@ -142,7 +142,7 @@ class VerdictTags:
     def __init__(self, properties: Sequence[Property]) -> None:
         self.tags = [Tag(f"monitor.{p.name}.verdict", "STRING", comment=p.description)
                      for p in properties]
-        self.suite: Suite | None = None
+        self.suite: Suites | None = None
 
     def values(self) -> Sequence[Value]:
         """Return the verdicts."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import plcemu
 from hil.coupling import Coupling, CouplingError, points
@@ -35,11 +36,16 @@ from plcemu.modbus import (
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
+from plcemu.runtime.change import Change, make_exchange
 from plcemu.runtime.config import Config, PlantSection, PointSection, TaskSection
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
-from plcemu.runtime.plc import make_exchange
+from plcemu.runtime.retention import Retention, default_path
 from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
+
+CHANGEABLE = ("program", "cycle", "engine", "sfc_final_scan", "sipn_single_firing", "budget",
+              "watchdog", "tasks", "safe_outputs", "properties")
+"""Keys that an online change takes from the configuration."""
 
 
 class System:
@@ -47,7 +53,6 @@ class System:
 
     Attributes:
         config: as read.
-        resource: the PLC's processor.
         exchange: its process image.
         cycle: its laps, with plant and monitors.
         plant: the plant in this process, or None.
@@ -55,6 +60,8 @@ class System:
     Args:
         config: the configuration.
         with_plant: whether the configured plant runs in this process.
+        retain: `warm` takes the retained variables over and keeps them, `cold` only keeps them,
+            `off` does neither.
         scenario: what comes from outside, besides the scenario of the configuration.
 
     Raises:
@@ -63,44 +70,94 @@ class System:
     """
 
     def __init__(self, config: Config, with_plant: bool = True,
+                 retain: Literal["off", "cold", "warm"] = "off",
                  scenario: Scenario = Scenario()) -> None:  # noqa: B008
         self.config = config
         program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                                   single_firing=config.sipn_single_firing)
         self.warnings = list(program.warnings)
-        self.resource = make_resource(config, program)
-        self.exchange: Exchange = make_exchange(self.resource)
+        resource = make_resource(config, program)
+        self.retention: Retention | None = None
+        if retain != "off" and config.retain.enabled:
+            path = config.retain.file
+            self.retention = Retention(Path(path) if path else default_path(config.file_path),
+                                       config.retain.interval, resource, retain == "cold")
+        self.exchange: Exchange = make_exchange(resource)
         self._map = make_map(config)
         scenario = configured_scenario(config) + scenario
         plant = LocalPlant(make_coupling(config, scenario), self.exchange) if config.plant else None
         self.plant = plant if with_plant else None
-        self.properties = _load_properties(config)
-        self.not_judged: list[str] = []
-        """Names of the properties that speak of a plant which is not in this process."""
-        if plant is not None and self.plant is None:
-            facts = TagTable(plant.tags)
-            self.not_judged = [p.name for p in self.properties if self._speaks_of(facts, p)]
-            self.properties = [p for p in self.properties if p.name not in self.not_judged]
+        self._facts = TagTable(plant.tags) if plant is not None and self.plant is None \
+            else TagTable()
+        self.properties, self.not_judged = self._judged(config, program)
+        sources = () if self.retention is None else (self.retention,)
         try:
-            self.cycle = Cycle(self.resource, self.exchange, self.plant, self.properties)
+            self.cycle = Cycle(resource, self.exchange, self.plant, self.properties, sources)
         except CompileError:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
-        if scenario:
-            self.cycle.player = self._player(scenario)
+        self._scenario = scenario
+        self.cycle.player = self._player(resource)
 
-    def _player(self, scenario: Scenario) -> Player:
+    def _player(self, resource: Resource) -> Player | None:
+        """Return what plays the scenario on a resource, if there is one."""
+        scenario = self._scenario
+        if not scenario:
+            return None
         if self.plant is None:
-            return Player(scenario, self.resource, self.exchange)
+            return Player(scenario, resource, self.exchange)
         coupling = self.plant.coupling
         driven = {str(point.address): point.name for point in coupling.inputs}
-        return Player(scenario, self.resource, self.exchange, coupling.plant, driven)
+        return Player(scenario, resource, self.exchange, coupling.plant, driven)
 
-    def _speaks_of(self, facts: TagTable, entry: Property) -> bool:
-        """Whether a property names a fact of the plant, which is not known without the plant."""
-        known = self.resource.memory.tags
-        return any(ref.name in facts and ref.name not in known for ref in tag_refs(entry.formula))
+    @property
+    def resource(self) -> Resource:
+        """The PLC's processor; an online change puts another in its place."""
+        return self.cycle.resource
+
+    def _judged(self, config: Config, program: Program) -> tuple[list[Property], list[str]]:
+        """Return the properties, and the names of those that speak of a plant not here."""
+        properties = _load_properties(config)
+        known = TagTable(slot.tag for slot in program.layout.slots)
+        absent = [p.name for p in properties
+                  if any(ref.name in self._facts and ref.name not in known
+                         for ref in tag_refs(p.formula))]
+        return [p for p in properties if p.name not in absent], absent
+
+    def prepare_change(self, config: Config) -> Change:
+        """Compile another version of the configuration's program; nothing changes yet.
+
+        May be called in a thread of its own. What else differs in the configuration is told by
+        `fixed_keys`, and waits for the next start.
+
+        Raises:
+            CompileError: the program or a property is wrong.
+            ConfigError: tasks or outputs do not fit the program.
+        """
+        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                                  single_firing=config.sipn_single_firing)
+        resource = make_resource(config, program)
+        properties, _ = self._judged(config, program)
+        try:
+            return Change(self.cycle, resource, properties, self._player(resource))
+        except CompileError:
+            raise
+        except PlcemuError as problem:
+            raise ConfigError([str(problem)]) from None
+
+    def changed(self, config: Config) -> None:
+        """Take over what an applied change took from its configuration."""
+        self.config = self.config.model_copy(
+            update={key: getattr(config, key) for key in CHANGEABLE})
+        self.properties = list(self.cycle.suite.properties)
+        if self.retention is not None:
+            self.retention.changed(self.resource)
+
+    def fixed_keys(self, config: Config) -> list[str]:
+        """Return the keys that differ from what runs and that only a start can change."""
+        return [key for key in Config.model_fields if key not in CHANGEABLE
+                and getattr(config, key) != getattr(self.config, key)]
 
     def server(self) -> ModbusTcpServer:
         """Return the configured Modbus server, not yet listening."""
@@ -133,6 +190,8 @@ class System:
             "tags": {tag.name: value for tag, value in
                      zip(self.cycle.tags, self.cycle.values(), strict=True)},
         }
+        if self.retention is not None:
+            document["retain"] = self.retention.report()
         if self.not_judged:
             document["not_judged"] = self.not_judged
         if self.resource.fault is not None:

@@ -31,7 +31,7 @@ class ScanMachine:
         program = resource.program
         self.resource = resource
         self._block = resource.memory.block
-        self._runs = _simple_runs(program, resource)
+        self._code = resource.engine.prepare(_simple_runs(program, resource))
         self._writes = [_place(program, point) for point in inputs]
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
@@ -58,11 +58,7 @@ class ScanMachine:
         block[:] = memory
         for place, raw in zip(self._writes, inputs, strict=True):
             block[place:place + len(raw)] = raw
-        if elapsed_ns:
-            self.resource.engine.advance_clocks(elapsed_ns)
-        run = self.resource.engine.run
-        for function, base in self._runs:
-            run(function, base)
+        self._code.repeat(1, elapsed_ns)
         self.scans += 1
         return self.reduced(bytes(block))
 

@@ -12,10 +12,11 @@ import subprocess
 import sys
 import time
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
-from processes import until
-from systems import BATCH, MS, S
+from processes import Command, until
+from systems import BATCH, MS, S, write_config
 
 from plcemu.runtime.clock import RealClock
 
@@ -96,3 +97,29 @@ def test_on_a_terminal_a_run_shows_how_it_stands(columns: str) -> None:
         assert process.wait(20) == 0
     os.close(ours)
     assert b"Traceback" not in b"".join(seen)
+
+
+def test_the_daemon_runs_with_the_real_time_settings_asked_for(tmp_path: Path) -> None:
+    cpu = min(os.sched_getaffinity(0))
+    config = write_config(tmp_path, "program: main.il\nmodbus: {port: 0}\n"
+                                    f"realtime: {{cpus: [{cpu}]}}\n")
+    with Command("run", config, "--json") as daemon:
+        daemon.wait_for("listening")
+        process = Path("/proc") / str(daemon.pid)
+        until(lambda: (process / "timerslack_ns").read_text().strip() == "1", "the timer slack")
+        assert os.sched_getaffinity(daemon.pid) == {cpu}
+        assert daemon.stop()[0] == 0
+
+
+def test_the_daemon_takes_fifo_or_says_what_it_needs_and_goes_on(tmp_path: Path) -> None:
+    config = write_config(tmp_path, "program: main.il\nmodbus: {port: 0}\n"
+                                    "realtime: {scheduler: fifo, priority: 7}\n")
+    with Command("run", config, "--json") as daemon:
+        daemon.wait_for("listening")
+        until(lambda: _is_fifo(daemon.pid, 7) or "LimitRTPRIO" in daemon.text, "fifo or a warning")
+        assert daemon.stop()[0] == 0
+
+
+def _is_fifo(pid: int, priority: int) -> bool:
+    return (os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK,
+            os.sched_getparam(pid).sched_priority) == (os.SCHED_FIFO, priority)

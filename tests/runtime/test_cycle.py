@@ -19,8 +19,9 @@ from plcemu.engine.resource import Resource, State
 from plcemu.io.exchange import Exchange
 from plcemu.lang.compile import compile_program
 from plcemu.monitor import parse_properties
+from plcemu.runtime.change import make_exchange
 from plcemu.runtime.cycle import Cycle
-from plcemu.runtime.plc import Plc, make_exchange
+from plcemu.runtime.plc import Plc
 from plcemu.runtime.system import System
 
 TWO_SPEEDS = """PROGRAM FAST

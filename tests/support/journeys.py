@@ -42,7 +42,7 @@ commands: st.SearchStrategy[Deed] = st.one_of(
     _levels.map(lambda v: lambda plc: plc.force("level", v)),
     st.sampled_from(["lamp", "level"]).map(lambda name: lambda plc: plc.unforce(name)),
     st.just(lambda plc: plc.stop()), st.just(lambda plc: plc.resume()),
-    st.just(lambda plc: plc.restart(cold=True)))
+    st.booleans().map(lambda cold: lambda plc: plc.restart(cold)))
 """What is done to a PLC besides writes."""
 
 scans: st.SearchStrategy[Deed] = st.one_of(

@@ -52,6 +52,11 @@ class Command:
         return "".join(self.log)
 
     @property
+    def pid(self) -> int:
+        """Its process identifier."""
+        return self._process.pid
+
+    @property
     def is_running(self) -> bool:
         """Whether the process lives."""
         return self._process.poll() is None
