@@ -64,6 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
         (system.cycle.state_observers if only_page else system.cycle.observers).append(trace)
     panels = panels_of(Trace(system.cycle.tags), system.config.plot)
     run_with_progress(system.cycle, arguments.until, arguments.dense)
+    system.close()
     report = system.report()
     if trace is not None:
         trace.end_ns = system.cycle.end_ns

@@ -22,8 +22,8 @@ from plcemu.runtime.why import DEPTH, Why
 
 HELP = "explain a tag's value: the instructions, steps, timers and inputs that made it so"
 EPILOG = """The run is simulated up to the instant, as `plcemu simulate` does it, and looked into
-from there backwards. Each line is a value, since when it holds, and the line that wrote it; below it
-stand the values that it was made from. CONFIG may stand before or after TAG.
+from there backwards. Each line is a value, since when it holds, and the line that wrote it; below
+it stand the values that it was made from. CONFIG may stand before or after TAG.
 
 examples:
   plcemu why V8 il_programs/batch_plant --at 100s

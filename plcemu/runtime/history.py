@@ -120,8 +120,9 @@ class History:
 
     def _fixed(self) -> object:
         """Return what nobody changes between two laps, unless by more than a write."""
-        resource = self._cycle.resource
-        return resource.checkpoint(), self._cycle.exchange.forces
+        cycle = self._cycle
+        return (cycle.resource.checkpoint(), cycle.exchange.forces,
+                cycle.reactions.checkpoint() if cycle.reactions is not None else None)
 
     def _is_full(self, segment: _Segment) -> bool:
         return len(segment) >= LAPS_A_KEYFRAME or segment.size > self.limit_bytes // 4
