@@ -45,6 +45,10 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> 
     return made
 
 
+_KNOWN_LIMIT = 4096
+"""Readings of one sensor whose raw values are remembered: a quantised sensor repeats itself."""
+
+
 class PlantFailure(PlcemuError):
     """The plant's model failed: which plant, when, and the line of its code."""
 
@@ -56,11 +60,15 @@ class Checkpoint(NamedTuple):
         plant: snapshot of the plant.
         origin_ns: the plant's time at the PLC's instant 0.
         outputs: the raw values of the outputs that the actuators follow; None for none yet.
+        held: of outputs that act at the next release only; None if there are none.
+        now_ns: the PLC's instant up to which the plant has come.
     """
 
     plant: Mapping[str, Any]
     origin_ns: int
     outputs: Sequence[int] | None
+    held: Sequence[int] | None = None
+    now_ns: int = 0
 
 
 class Coupling:
@@ -71,23 +79,30 @@ class Coupling:
         inputs: where the readings of its sensors go.
         outputs: what its actuators follow.
         time_scale: plant time for each unit of the PLC's time.
+        delayed: whether outputs act at the release after the scan that set them, as of a PLC that
+            writes its outputs at the end of its cycle; else they act at once.
     """
 
     def __init__(self, plant: Plant, inputs: Sequence[Point], outputs: Sequence[Point],
-                 time_scale: Fraction = Fraction(1)) -> None:
+                 time_scale: Fraction = Fraction(1), delayed: bool = False) -> None:
         self.plant = plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self._per = time_scale.as_integer_ratio()
         self._seen: list[PortValue | None] = [None] * len(self.inputs)
         self._raw = [0] * len(self.inputs)
+        self._known: list[dict[PortValue, int]] = [{} for _ in self.inputs]
         self._origin_ns = plant.t_ns
         self._outputs_before: Sequence[int] | None = None
+        self._delayed = delayed
+        self._held: Sequence[int] | None = None
+        self._now_ns = 0
         plant.watch([p.name for p in self.inputs])
 
     def begin(self, t_ns: int) -> None:
         """Let the plant, as it stands, begin at an instant of the PLC's time."""
         self._origin_ns = self.plant.t_ns - t_ns * self._per[0] // self._per[1]
-        self._outputs_before = None
+        self._outputs_before = self._held = None
+        self._now_ns = t_ns
 
     def plant_time_ns(self, t_ns: int) -> int:
         """Return the plant's time at an instant of the PLC's time."""
@@ -95,6 +110,8 @@ class Coupling:
 
     def next_event_ns(self) -> int | None:
         """Return the first instant of the PLC's time at which a reading or a fact has changed."""
+        if self._held is not None:
+            return self._now_ns + 1
         try:
             event = self.plant.next_event_ns()
         except Exception as problem:
@@ -105,33 +122,45 @@ class Coupling:
 
     def checkpoint(self) -> Checkpoint:
         """Return the state of plant and coupling, to which an equal coupling can return."""
-        return Checkpoint(self.plant.snapshot(), self._origin_ns, self._outputs_before)
+        return Checkpoint(self.plant.snapshot(), self._origin_ns, self._outputs_before,
+                          self._held, self._now_ns)
 
     def return_to(self, point: Checkpoint) -> None:
         """Take up the state of a checkpoint."""
         self.plant.restore(point.plant)
         self._origin_ns, self._outputs_before = point.origin_ns, point.outputs
+        self._held, self._now_ns = point.held, point.now_ns
 
     def take_outputs(self, raw: Sequence[int]) -> bool:
         """Let the actuators follow the outputs' raw values; return whether any changed."""
         if raw == self._outputs_before:
             return False
         self._outputs_before = list(raw)
+        if self._delayed:
+            self._held = list(raw)
+        else:
+            self._actuate(raw)
+        return True
+
+    def _actuate(self, raw: Sequence[int]) -> None:
         values = {p.name: p.to_value(r) for p, r in zip(self.outputs, raw, strict=True)}
         try:
             self.plant.actuate(values)
         except Exception as problem:
             raise self._failure(problem) from problem
-        return True
 
-    def advance(self, t_ns: int) -> None:
-        """Bring the plant to an instant of the PLC's time."""
+    def advance(self, t_ns: int, at_release: bool = True) -> None:
+        """Bring the plant to an instant of the PLC's time; at a release, delayed outputs act."""
         target = self.plant_time_ns(t_ns)
         if target > self.plant.t_ns:
             try:
                 self.plant.advance(target)
             except Exception as problem:
                 raise self._failure(problem) from problem
+        self._now_ns = t_ns
+        if at_release and self._held is not None:
+            self._actuate(self._held)
+            self._held = None
 
     def sense(self) -> dict[str, PortValue]:
         """Return the readings of the wired sensors, in their units."""
@@ -150,9 +179,18 @@ class Coupling:
         for n, point in enumerate(self.inputs):
             value = sensed[point.name]
             if value != self._seen[n]:
-                self._raw[n] = point.to_raw(value)
                 self._seen[n] = value
+                self._raw[n] = self._converted(n, point, value)
         return list(self._raw)
+
+    def _converted(self, n: int, point: Point, value: PortValue) -> int:
+        known = self._known[n]
+        raw = known.get(value)
+        if raw is None:
+            if len(known) >= _KNOWN_LIMIT:
+                known.clear()
+            raw = known[value] = point.to_raw(value)
+        return raw
 
     def _failure(self, problem: Exception) -> PlantFailure:
         """Return the error of a plant's model: the class may be the user's own."""

@@ -1,4 +1,4 @@
-"""The contract of a finite plant: what a checker may ask of a plant's abstraction.
+"""The contracts of a finite plant: what a checker, and a scheduler, may ask of a plant.
 
 Where the plant of `plant_sim.contract` moves through time, its abstraction only knows finitely
 many states, and lets *actions* happen: a process ends, a level passes a threshold. When they
@@ -8,8 +8,9 @@ happen is left open, so every timing of the real plant is among the runs of the 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from typing import Any, Protocol, cast
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple, Protocol, cast
 
 from plant_sim.contract import Fact, FactValue, PortValue
 
@@ -55,8 +56,79 @@ ABSTRACTIONS: dict[str, str] = {
 """Name of a plant -> "package.module:Class" of its abstraction; imported only when asked for."""
 
 
+SCHEDULED: dict[str, str] = {
+    "batch_plant": "plant_sim.batch_plant.scheduling:BatchScheduling",
+}
+"""Name of a plant -> "package.module:Class" of what a scheduler may ask of it."""
+
+
 class AbstractionError(ValueError):
     """There is no such abstraction, or it does not take these parameters."""
+
+
+class Case(NamedTuple):
+    """One initial state to schedule from.
+
+    Attributes:
+        name: in the user's words.
+        keys: what JSON tells of it, such as `load`.
+        parameters: the plant's parameters for it.
+        plant: the same initial state of the plant's abstraction.
+    """
+
+    name: str
+    keys: Mapping[str, Any]
+    parameters: Mapping[str, Any]
+    plant: Hashable
+
+
+class Repair(NamedTuple):
+    """The smallest change of a controller's priorities that makes it optimal.
+
+    Attributes:
+        changes: it; pairs (first, second) of processes, the first now goes before the second.
+        period: what it gives, in units of time per batch.
+        tried: how many different behaviours fixed priorities can have.
+    """
+
+    changes: tuple[tuple[str, str], ...]
+    period: Fraction
+    tried: int
+
+
+class Scheduling(Protocol):
+    """What a scheduler asks of a plant whose processes may be started at will."""
+
+    counted: str
+    """The process whose start counts as a batch."""
+
+    def cases(self, which: str) -> Sequence[Case]:
+        """The initial states: `configured`, `all`, or a load; raises AbstractionError."""
+
+    def protocol(self, case: Case) -> Any:
+        """The timed system that begins in a case's initial state, with its `unit_s`."""
+
+    def durations(self, case: Case) -> Mapping[str, int]:
+        """How long each process takes, in units of time."""
+
+    def users(self) -> Mapping[str, tuple[str, ...]]:
+        """For each process the resources that it uses alone while it runs."""
+
+    def why_none(self, case: Case) -> str:
+        """Why nothing can be produced for ever from a case, in words."""
+
+    def repair(self, case: Case, period: Fraction) -> Repair | None:
+        """The best change of the controller's priorities; None if its own run is not as known.
+
+        Args:
+            case: the initial state.
+            period: of the controller, in units of time per batch.
+        """
+
+
+def load_scheduling(name: str, parameters: Mapping[str, object]) -> Scheduling:
+    """What a scheduler may ask of a plant. Raises AbstractionError."""
+    return cast(Scheduling, _load(name, SCHEDULED, "cannot be scheduled")(parameters))
 
 
 def load_abstraction(name: str, parameters: Mapping[str, object]) -> Abstraction:
@@ -64,12 +136,16 @@ def load_abstraction(name: str, parameters: Mapping[str, object]) -> Abstraction
 
     Raises AbstractionError.
     """
-    module_name, colon, class_name = ABSTRACTIONS.get(name, name).partition(":")
+    return cast(Abstraction, _load(name, ABSTRACTIONS, "has no abstraction")(parameters))
+
+
+def _load(name: str, table: Mapping[str, str], lack: str) -> Callable[..., object]:
+    module_name, colon, class_name = table.get(name, name).partition(":")
     if not colon:
-        raise AbstractionError(f"plant {name} has no abstraction; known: "
-                               f"{', '.join(sorted(ABSTRACTIONS))}, or package.module:Class")
+        raise AbstractionError(f"plant {name} {lack}; known: {', '.join(sorted(table))}, or "
+                               "package.module:Class")
     try:
-        made = getattr(importlib.import_module(module_name), class_name)
+        return cast("Callable[..., object]",
+                    getattr(importlib.import_module(module_name), class_name))
     except (ImportError, AttributeError) as error:
         raise AbstractionError(f"{name}: {error}") from error
-    return cast(Abstraction, made(parameters))

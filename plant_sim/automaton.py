@@ -156,6 +156,7 @@ class HybridAutomaton(HybridPlant):
     """
 
     parameter_type: ClassVar[type[Parameters]] = NoParameters
+    look_ahead_limit: ClassVar[int] = 32
     _entry: _Entry
 
     def __init__(self, parameters: Mapping[str, object] | Parameters | None = None) -> None:

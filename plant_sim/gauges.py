@@ -29,11 +29,8 @@ class Gauge(Protocol):
     def quantities(self) -> frozenset[str]:
         """Names of the quantities that the reading depends on."""
 
-    def count(self, lines: Mapping[str, Curve], t_ns: int) -> int:
-        """The count read at `t_ns`."""
-
-    def next_change_ns(self, lines: Mapping[str, Curve], t_ns: int, count: int) -> int:
-        """First instant after `t_ns` at which not `count` is read, or NEVER_NS."""
+    def read(self, lines: Mapping[str, Curve], t_ns: int) -> tuple[int, int]:
+        """The count read at `t_ns`, and the instant at which it changes (NEVER_NS: not at all)."""
 
 
 class Sensor(NamedTuple):
@@ -58,21 +55,19 @@ class RealGauge:
         """The one quantity."""
         return frozenset((self.quantity,))
 
-    def count(self, lines: Mapping[str, Curve], t_ns: int) -> int:
-        """The count read at `t_ns`."""
-        return self._of(lines[self.quantity].at(t_ns))
-
     def _of(self, value: Any) -> int:
         counted = value / self.resolution if isinstance(value, Fraction) else \
             value / float(self.resolution)
         return min(max(_ROUNDINGS[self.rounding][0](counted), self.low), self.high)
 
-    def next_change_ns(self, lines: Mapping[str, Curve], t_ns: int, count: int) -> int:
-        """First instant after `t_ns` at which not `count` is read, or NEVER_NS."""
+    def read(self, lines: Mapping[str, Curve], t_ns: int) -> tuple[int, int]:
+        """The count read at `t_ns`, and the first instant after it at which another is."""
+        curve = lines[self.quantity]
+        count = self._of(curve.at(t_ns))
         _, below, above = _ROUNDINGS[self.rounding]
         low = (count + below) * self.resolution if count > self.low else -math.inf
         high = (count + above) * self.resolution if count < self.high else math.inf
-        return lines[self.quantity].first_ns(lambda x: self._of(x) != count, low, high, t_ns)
+        return count, curve.first_ns(lambda x: self._of(x) != count, low, high, t_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +83,14 @@ class SwitchGauge:
         """The one quantity."""
         return frozenset((self.quantity,))
 
-    def count(self, lines: Mapping[str, Curve], t_ns: int) -> int:
-        """1 where it is on."""
-        return self._of(lines[self.quantity].at(t_ns))
-
     def _of(self, value: Any) -> int:
         return int(value <= self.level if self.at_most else value >= self.level)
 
-    def next_change_ns(self, lines: Mapping[str, Curve], t_ns: int, count: int) -> int:
-        """First instant after `t_ns` at which not `count` is read, or NEVER_NS."""
-        return lines[self.quantity].first_ns(
-            lambda x: self._of(x) != count, self.level, self.level, t_ns)
+    def read(self, lines: Mapping[str, Curve], t_ns: int) -> tuple[int, int]:
+        """1 where it is on, else 0, and the first instant after `t_ns` at which that changes."""
+        curve = lines[self.quantity]
+        count = self._of(curve.at(t_ns))
+        return count, curve.first_ns(lambda x: self._of(x) != count, self.level, self.level, t_ns)
 
 
 # The words of `HybridAutomaton.elements`

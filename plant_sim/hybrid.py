@@ -80,11 +80,11 @@ class SensorReading(Protocol):
     def quantities(self) -> frozenset[str]:
         """Names of the quantities that the reading depends on."""
 
-    def count(self, lines: Mapping[str, Any], t_ns: int) -> int:
-        """The count read at `t_ns`."""
+    def read(self, lines: Mapping[str, Any], t_ns: int) -> tuple[int, int]:
+        """The count read at `t_ns`, and the first instant after it with another, or NEVER_NS.
 
-    def next_change_ns(self, lines: Mapping[str, Any], t_ns: int, count: int) -> int:
-        """First instant after `t_ns` at which not `count`, read at `t_ns`, is read, or NEVER_NS."""
+        True as long as the lines stay.
+        """
 
 
 class HybridPlant(ABC):
@@ -115,11 +115,15 @@ class HybridPlant(ABC):
         self._sources = {name: reading.quantities for name, reading in readings.items()}
         self._directions = {port.name: port.direction for port in self.ports}
         sensors = [port for port in self.ports if port.direction == "sensor"]
-        self._resolutions = {port.name: exact(port.resolution) for port in sensors}
-        self._boolean = frozenset(port.name for port in sensors if port.kind == "bool")
+        self._resolutions = {
+            port.name: (1, 0) if port.kind == "bool" else exact(port.resolution).as_integer_ratio()
+            for port in sensors
+        }
         self._watched = tuple(self._resolutions)
         self._event_ns = self._change_ns = -1
         self._entry: Any = None
+        self._ahead: tuple[_Moment, list[tuple[int, str]]] | None = None
+        """Where a look ahead has found the plant right after the end of the present mode."""
         self.reset()
 
     # What a plant supplies
@@ -300,6 +304,7 @@ class HybridPlant(ABC):
 
     def _enter_mode(self, fired: frozenset[str]) -> None:
         self._event_ns = -1
+        self._ahead = None
         self._settle(fired)
         self._arm()
 
@@ -311,6 +316,11 @@ class HybridPlant(ABC):
         self._mode_end_ns = min(ends)[0] if ends else NEVER_NS
 
     def _run_events_until(self, t_ns: int) -> None:
+        if self._ahead is not None and self._mode_end_ns <= t_ns:
+            (moment, entries), self._ahead = self._ahead, None
+            self._put_back(moment)
+            self.log += entries
+            self._event_ns = -1
         steps = 0
         while self._mode_end_ns <= t_ns:
             steps = steps + 1 if self._mode_end_ns == self._t_ns else 0
@@ -326,6 +336,7 @@ class HybridPlant(ABC):
     # Readings
 
     def _forget_readings(self) -> None:
+        self._ahead = None
         self._counts = dict.fromkeys(self._watched, 0)
         self._values: dict[str, PortValue] = dict.fromkeys(self._watched, 0.0)
         self._changes = dict.fromkeys(self._watched, -1)
@@ -339,18 +350,12 @@ class HybridPlant(ABC):
         t_ns, lines, moved = self._t_ns, self._lines, self._moved
         for name, change_ns in self._changes.items():
             if change_ns <= t_ns or (moved and not moved.isdisjoint(self._sources[name])):
-                reading = self._readings[name]
-                count = self._counts[name] = reading.count(lines, t_ns)
-                self._values[name] = self._as_value(name, count)
-                self._changes[name] = reading.next_change_ns(lines, t_ns, count)
+                count, self._changes[name] = self._readings[name].read(lines, t_ns)
+                self._counts[name] = count
+                top, bottom = self._resolutions[name]
+                self._values[name] = bool(count) if not bottom else count * top / bottom
         moved.clear()
         self._change_ns = min(self._changes.values(), default=NEVER_NS)
-
-    def _as_value(self, name: str, count: int) -> PortValue:
-        if name in self._boolean:
-            return bool(count)
-        resolution = self._resolutions[name]
-        return count * resolution.numerator / resolution.denominator
 
     def _look_for_event(self) -> int:
         """The next visible change, looking through mode ends that show nothing."""
@@ -358,6 +363,8 @@ class HybridPlant(ABC):
             return self._change_ns
         moment = self._keep()
         event_ns = self._seek_event(moment.counts, self.observe())
+        if self._t_ns == moment.mode_end_ns:
+            self._ahead = self._keep(), self.log[moment.log_length :]
         self._put_back(moment)
         return event_ns
 
@@ -391,7 +398,7 @@ class HybridPlant(ABC):
     def _put_back(self, moment: _Moment) -> None:
         self._t_ns, self._lines, self.memory = moment.t_ns, moment.lines, moment.memory
         self._entry = moment.entry
-        del self.log[moment.log_length :]
+        del self.log[moment.log_length :]  # of a moment ahead there is nothing to take away
         self._mode_ends, self._mode_end_ns = moment.ends, moment.mode_end_ns
         self._counts, self._values = moment.counts, moment.values
         self._changes = moment.changes

@@ -38,11 +38,24 @@ class Reading:
         """Names of the quantities that the reading depends on."""
         return frozenset(name for name, _ in self.top.terms + self.bottom.terms)
 
-    def count(self, lines: Mapping[str, Line], t_ns: int) -> int:
-        """The count read at `t_ns`."""
+    def read(self, lines: Mapping[str, Line], t_ns: int) -> tuple[int, int]:
+        """The count read at `t_ns`, and the first instant after it with another, or NEVER_NS.
+
+        True as long as the lines stay.
+        """
         top, bottom = self.top.seen(lines, t_ns), self.bottom.seen(lines, t_ns)
         if bottom.value <= 0:
-            return self.undefined
+            return self.undefined, self._change_when_defined(lines, t_ns, bottom)
+        count = self._count(top, bottom)
+        dt = NEVER_NS
+        if top.slope or bottom.slope:
+            if count < self.high:
+                dt = self._until_above(top, bottom, count)
+            if count > self.low:
+                dt = min(dt, self._until_below(top, bottom, count))
+        return count, t_ns + dt if dt < NEVER_NS else NEVER_NS
+
+    def _count(self, top: Course, bottom: Course) -> int:
         above, below = top.value * bottom.den, bottom.value * top.den
         if self.rounding is Rounding.CEILING:
             count = -(-above // below)
@@ -50,29 +63,12 @@ class Reading:
             count = (2 * above + below) // (2 * below)
         return min(max(count, self.low), self.high)
 
-    def next_change_ns(self, lines: Mapping[str, Line], t_ns: int, count: int) -> int:
-        """First instant after `t_ns` at which not `count`, read at `t_ns`, is read.
-
-        True as long as the lines stay; NEVER_NS if nothing changes.
-        """
-        top, bottom = self.top.seen(lines, t_ns), self.bottom.seen(lines, t_ns)
-        if bottom.value <= 0:
-            return self._change_when_defined(lines, t_ns, bottom)
-        dt = NEVER_NS
-        if count < self.high:
-            dt = self._until_above(top, bottom, count)
-        if count > self.low:
-            dt = min(dt, self._until_below(top, bottom, count))
-        return t_ns + dt if dt < NEVER_NS else NEVER_NS
-
     def _change_when_defined(self, lines: Mapping[str, Line], t_ns: int, bottom: Course) -> int:
         if bottom.slope <= 0:
             return NEVER_NS
         first_ns = t_ns + first_positive(bottom.value, bottom.slope)
-        count = self.count(lines, first_ns)
-        if count != self.undefined:
-            return first_ns
-        return self.next_change_ns(lines, first_ns, count)
+        count, change_ns = self.read(lines, first_ns)
+        return first_ns if count != self.undefined else change_ns
 
     def _until_above(self, top: Course, bottom: Course, count: int) -> int:
         if self.rounding is Rounding.CEILING:

@@ -16,7 +16,9 @@ from plant_sim.contract import Plant
 
 PLANTS: dict[str, str] = {
     "batch_plant": "plant_sim.batch_plant:BatchPlant",
+    "conveyor": "plant_sim.conveyor:Conveyor",
     "evaporator": "plant_sim.evaporator:Evaporator",
+    "heating_tank": "plant_sim.heating_tank:HeatingTank",
 }
 """Registered name -> "package.module:Class"; imported only when asked for."""
 

@@ -30,6 +30,9 @@ STEPS = 16
 FIRST_STEP_S, SHORTEST_S, LONGEST_S = 1e-4, 1e-9, 1e5
 """The first step tried; the shortest, taken whatever its error; and the longest."""
 
+_KNOWN_LIMIT = 1024
+"""Points of a trajectory that are remembered: guards and sensors look at the same samples."""
+
 _PARTS = 2
 """Places in each step at which a crossing is looked for, so that one and its return are seen."""
 
@@ -77,6 +80,7 @@ class Trajectory:
         self._times = [0.0]
         self._points: list[Vector] = [tuple(float(start[n]) for n in self.names)]
         self._next_s = FIRST_STEP_S
+        self._known: dict[int, Vector] = {}
 
     def ends_before(self, t_ns: int) -> int | None:
         """The last whole ns of the trajectory if it is before an instant, else None."""
@@ -90,6 +94,14 @@ class Trajectory:
 
     def at(self, t_ns: int) -> Vector:
         """The quantities at an instant; beyond the horizon as at it."""
+        known = self._known.get(t_ns)
+        if known is None:
+            if len(self._known) >= _KNOWN_LIMIT:
+                self._known.clear()
+            known = self._known[t_ns] = self._at(t_ns)
+        return known
+
+    def _at(self, t_ns: int) -> Vector:
         s = (t_ns - self.t0_ns) / NS_PER_S
         while self._times[-1] < s and self._extend():
             pass

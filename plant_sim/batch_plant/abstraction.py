@@ -14,7 +14,7 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 from plant_sim.abstraction import AbstractionError
-from plant_sim.batch_plant.layout import ACTUATORS, TANKS, TRANSFERS
+from plant_sim.batch_plant.layout import TANKS, TRANSFERS
 from plant_sim.batch_plant.loads import CONTENTS, content_of, read_tanks, tanks_of_load
 from plant_sim.batch_plant.parameters import BatchParameters
 from plant_sim.batch_plant.processes import PROCESSES, Process
@@ -84,7 +84,9 @@ class BatchAbstraction:
         for name, tanks in _INITIAL[str(which)](self._parameters):
             contents = tuple(tanks.get(tank, "empty") for tank in NAMES)
             self._names.setdefault(State(contents, (), ORDER), name)
-        self._readings: dict[tuple[str, str, str], tuple[float, float]] = {}
+        self._readings: dict[tuple[str, str, str], dict[str, float]] = {}
+        self._sensed: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, PortValue]] = {}
+        self._wanted: dict[tuple[tuple[str, PortValue], ...], set[str]] = {}
 
     def initial(self) -> Iterator[State]:
         """The states to begin in."""
@@ -98,41 +100,43 @@ class BatchAbstraction:
 
     def sense(self, state: State) -> dict[str, PortValue]:
         """Levels and temperatures; in transition half-way between before and after."""
-        busy = {tank: (row.process, tank) for row in state.running if not row.ended
-                for tank in PROCESSES[row.process].changes}
-        seen: dict[str, PortValue] = {}
-        for tank, content in zip(NAMES, state.tanks, strict=True):
-            process = busy.get(tank, ("", ""))[0]
-            level, temperature = self._reading(tank, content, process)
-            seen[f"{tank}.level"], seen[f"{tank}.temperature"] = level, temperature
+        open_ = tuple([row.process for row in state.running if not row.ended])
+        key = (state.tanks, open_)
+        seen = self._sensed.get(key)
+        if seen is None:
+            busy = {tank: name for name in open_ for tank in PROCESSES[name].changes}
+            seen = self._sensed[key] = {}
+            for tank, content in zip(NAMES, state.tanks, strict=True):
+                seen.update(self._reading(tank, content, busy.get(tank, "")))
         return seen
 
-    def _reading(self, tank: str, content: str, process: str) -> tuple[float, float]:
+    def _reading(self, tank: str, content: str, process: str) -> dict[str, float]:
         key = (tank, content, process)
         if key not in self._readings:
             before = content_of(content)
             after = content_of(PROCESSES[process].changes[tank][content]) if process else before
-            self._readings[key] = (float(before.volume_l + after.volume_l) / 2,
-                                   (before.temperature_degC + after.temperature_degC) / 2)
+            self._readings[key] = {
+                f"{tank}.level": float(before.volume_l + after.volume_l) / 2,
+                f"{tank}.temperature": (before.temperature_degC + after.temperature_degC) / 2}
         return self._readings[key]
 
     def actuate(self, state: State, values: Mapping[str, PortValue]) -> State:
         """Begin what is switched on and possible; note what must not be."""
-        if state.trouble:
-            return state
-        on = frozenset(name for name, value in values.items() if value)
-        wanted = _wanted(on)
+        key = tuple(values.items())
+        wanted = self._wanted.get(key)
+        if wanted is None:
+            wanted = self._wanted[key] = _wanted(frozenset(n for n, v in key if v))
         before = {row.process for row in state.running}
+        if state.trouble or before == wanted:
+            return state
         kept = [row for row in state.running if row.process in wanted]
-        stopped = [row for row in state.running if row.process not in wanted]
-        if any(not row.ended for row in stopped):
+        if any(not row.ended for row in state.running if row.process not in wanted):
             return state._replace(trouble=INTERRUPTED)
         tanks = dict(zip(NAMES, state.tanks, strict=True))
-        begun = [PROCESSES[name] for name in PROCESSES if name in wanted and name not in before]
-        for process in begun:
-            trouble = _obstacle(process, tanks, [r for r in kept if not r.ended])
+        for name in sorted(wanted - before, key=_place_in_table):
+            trouble = _obstacle(PROCESSES[name], tanks, [r for r in kept if not r.ended])
             if trouble is None:
-                kept.append(Running(process.name, False))
+                kept.append(Running(name, False))
             elif trouble:
                 return state._replace(trouble=trouble)
         return State(state.tanks, tuple(sorted(kept)), ORDER)
@@ -168,6 +172,10 @@ class BatchAbstraction:
     def done(self, action: Ends) -> Collection[str]:
         """The processes that end."""
         return tuple(action)
+
+
+def _place_in_table(process: str) -> int:
+    return int(process[1:])
 
 
 def _wanted(on: frozenset[str]) -> set[str]:
@@ -250,5 +258,3 @@ def _all(parameters: BatchParameters) -> Named:
 
 
 _INITIAL = {"load": _of_load, "loads": _loads, "all": _all}
-
-ALL_ACTUATORS = tuple(ACTUATORS)

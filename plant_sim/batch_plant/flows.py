@@ -6,9 +6,23 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import NamedTuple
 
-from plant_sim.batch_plant.layout import CONDENSATE, COOLERS, HEATED, TRANSFERS, Transfer
+from plant_sim.batch_plant.layout import (
+    CONDENSATE,
+    COOLERS,
+    HEATED,
+    LEAKS,
+    NO_COOLANT,
+    NO_HEAT,
+    PUMPS,
+    TRANSFERS,
+    WEARS,
+    Transfer,
+)
 from plant_sim.batch_plant.tanks import BatchTanks
 from plant_sim.batch_plant.units import FINE, STEAM_HEAT
+from plant_sim.contract import PortValue
+from plant_sim.curves import NS_PER_S
+from plant_sim.lines import exact
 from plant_sim.memory import Memory
 
 SALT, HEAT = "salt", "heat"
@@ -22,8 +36,11 @@ _NEARLY_BOILING = STEAM_HEAT - FINE // 100
 """From 99.99 degC on the heater makes steam; so a tank cooled by a trace need not heat up anew."""
 
 
+STEAM, LEAK = "steam", "leak"
+
+
 class Flow(NamedTuple):
-    """Liquid or steam that moves now, `rate` volume quanta per ns."""
+    """Liquid or steam that moves now, `rate` volume quanta per ns; a leak goes to the floor."""
 
     name: str
     source: str
@@ -33,7 +50,7 @@ class Flow(NamedTuple):
 
     def of(self, stuff: str, memory: Memory) -> Fraction:
         """Quanta per ns of salt or heat that go with it, at the strength fixed on entry."""
-        if self.transfer is None:
+        if self.name == STEAM:
             return Fraction(self.rate * STEAM_HEAT) if stuff == HEAT else STILL
         return self.rate * memory.rates[f"{self.source}.{stuff}"]
 
@@ -64,7 +81,7 @@ class TankMode(NamedTuple):
     @property
     def compound(self) -> bool:
         """Whether straight lines only approximate this mode."""
-        drains = any(flow.transfer is not None for flow in self.outflows)
+        drains = any(flow.name != STEAM for flow in self.outflows)
         boils = self.thermal == "boiling"
         if drains and (self.inflows or boils):
             return True
@@ -114,18 +131,34 @@ def _flows(plant: BatchTanks, givers: set[str], thermal: Mapping[str, str]) -> l
         for transfer in TRANSFERS
         if transfer.source in givers and all(on[name] for name in transfer.actuators)
     ]
+    if any(on[wear] for wear in WEARS):
+        flows = [_worn(flow, on) for flow in flows]
     if thermal.get(HEATED) == "boiling":
-        flows.append(Flow("steam", HEATED, CONDENSATE, rates["steam"], None))
+        flows.append(Flow(STEAM, HEATED, CONDENSATE, rates[STEAM], None))
+    for tank, port in LEAKS.items():
+        if on[port] and tank in givers:
+            rate = plant.units.of_litres(exact(on[port]) / NS_PER_S)
+            flows.append(Flow(f"{tank} {LEAK}", tank, SPILL, rate, None))
     return flows
+
+
+def _worn(flow: Flow, on: Mapping[str, PortValue]) -> Flow:
+    """A flow through a pump that gives less than it should; one that gives nothing stands."""
+    assert flow.transfer is not None
+    lost = sum(exact(on[f"{name}.worn"]) for name in flow.transfer.actuators if name in PUMPS)
+    return flow._replace(rate=int(flow.rate * (1 - lost)))
 
 
 def _thermal(plant: BatchTanks, volumes: Mapping[str, int], givers: set[str]) -> dict[str, str]:
     thermal = {
         cooler.tank: "cooling"
         for cooler in COOLERS
-        if plant.actuators[cooler.valve] and cooler.tank in givers and plant.heat(cooler.tank) > 0
+        if plant.actuators[cooler.valve]
+        and not plant.actuators[NO_COOLANT]
+        and cooler.tank in givers
+        and plant.heat(cooler.tank) > 0
     }
-    if plant.actuators["Heater"] and HEATED in givers:
+    if plant.actuators["Heater"] and not plant.actuators[NO_HEAT] and HEATED in givers:
         boils = plant.heat(HEATED) >= volumes[HEATED] * _NEARLY_BOILING
         thermal[HEATED] = "boiling" if boils else "heating"
     return thermal

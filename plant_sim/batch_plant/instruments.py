@@ -3,8 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
-from plant_sim.batch_plant.layout import ACTUATORS, COLD_DEGC, PUMPS, TANKS
+from plant_sim.batch_plant.layout import (
+    ACTUATORS,
+    COLD_DEGC,
+    LEAK_HIGH_L_S,
+    LEAKS,
+    NO_COOLANT,
+    NO_HEAT,
+    PUMPS,
+    TANKS,
+    WEARS,
+)
 from plant_sim.batch_plant.parameters import BatchParameters
 from plant_sim.batch_plant.units import FINE, Units
 from plant_sim.contract import Fact, Port
@@ -16,7 +27,7 @@ CONCENTRATION_HIGH_G_L = 50.0
 
 
 def ports_of(parameters: BatchParameters, units: Units) -> tuple[Port, ...]:
-    """Three sensors a tank, then all actuators."""
+    """Three sensors a tank, then all actuators, then the disturbances."""
     sensors = []
     for tank in TANKS:
         brim_l = float(units.brims_l[tank.name])
@@ -38,7 +49,18 @@ def ports_of(parameters: BatchParameters, units: Units) -> tuple[Port, ...]:
     actuators = [
         Port(name, "actuator", "bool", "", 0.0, 1.0, 1.0, text) for name, text in ACTUATORS.items()
     ]
-    return (*sensors, *actuators)
+    return (*sensors, *actuators, *_disturbances())
+
+
+def _disturbances() -> Iterator[Port]:
+    for tank, name in LEAKS.items():
+        text = f"hole in {tank}"
+        yield Port(name, "disturbance", "real", "l/s", 0.0, LEAK_HIGH_L_S, 0.001, text)
+    for name, pump in WEARS.items():
+        text = f"part of its flow that {pump} does not give"
+        yield Port(name, "disturbance", "real", "", 0.0, 1.0, 0.01, text)
+    for name, text in ((NO_COOLANT, "no coolant comes"), (NO_HEAT, "the heater does not heat")):
+        yield Port(name, "disturbance", "bool", "", 0.0, 1.0, 1.0, text)
 
 
 def readings_of(parameters: BatchParameters, units: Units) -> dict[str, Reading]:

@@ -130,3 +130,14 @@ ACTUATORS: dict[str, str] = {
     "Pump2": "pump B6 to B2",
 }
 """Actuator -> what it is."""
+
+LEAKS: dict[str, str] = {tank.name: f"{tank.name}.leak" for tank in TANKS}
+"""Tank -> its disturbance: a hole, with its flow in l/s."""
+
+LEAK_HIGH_L_S = 0.5
+
+WEARS: dict[str, str] = {f"{pump}.worn": pump for pump in PUMPS}
+"""Disturbance -> pump: the part of its flow that a worn pump no longer gives."""
+
+NO_COOLANT, NO_HEAT = "Coolant.failed", "Heater.failed"
+"""Disturbances: no coolant comes; the heater does not heat."""

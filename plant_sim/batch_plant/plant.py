@@ -12,6 +12,7 @@ lines; concentration and temperature are their quotients. Modelling choices:
   heat by itself; an empty tank counts as cold.
 * An emptied tank gives nothing before 0.01 l has gathered in it or nothing more comes in.
 * Liquid that enters a tank at its brim runs over and is lost; what is in the tank stays.
+* A leak loses its flow, in l/s, for as long as there is liquid, whatever the level.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 from plant_sim.batch_plant import summary, supervision
 from plant_sim.batch_plant.flows import (
     HEAT,
+    LEAK,
     SALT,
     SPILL,
     STILL,
@@ -144,9 +146,12 @@ class BatchPlant(BatchTanks):
             self._slope(f"{tank}.{stuff}", change)
 
     def _move_spill(self, modes: Mapping[str, TankMode]) -> None:
-        self._slope(f"{SPILL}.volume", Fraction(sum(mode.spilled for mode in modes.values())))
+        leaks = [flow for mode in modes.values() for flow in mode.outflows if flow.sink == SPILL]
+        spilled = sum(mode.spilled for mode in modes.values()) + sum(flow.rate for flow in leaks)
+        self._slope(f"{SPILL}.volume", Fraction(spilled))
         for stuff in (SALT, HEAT):
             lost = sum((change_lost(mode, stuff, self.memory) for mode in modes.values()), STILL)
+            lost += sum((flow.of(stuff, self.memory) for flow in leaks), STILL)
             self._slope(f"{SPILL}.{stuff}", lost)
 
     def _set_refresh(self, modes: Mapping[str, TankMode]) -> None:
@@ -166,10 +171,11 @@ class BatchPlant(BatchTanks):
         """The tank has given all: what it gave too much since the exact instant goes back."""
         outlet = _OUTLET[tank]
         drained = self.memory.flags[f"{outlet.name} flows"]
-        sink = outlet.sink if drained else CONDENSATE
-        if self.memory.flags[f"{sink} full"]:
+        leaks = f"{tank} {LEAK}" in self.memory.words[f"{tank}.mode"]
+        sink = outlet.sink if drained else SPILL if leaks else CONDENSATE
+        if sink != SPILL and self.memory.flags[f"{sink} full"]:
             sink = SPILL
-        stuffs = _STUFFS if drained else ("volume", HEAT)
+        stuffs = _STUFFS if drained or leaks else ("volume", HEAT)
         self.pour(tank, sink, {stuff: self._value(f"{tank}.{stuff}") for stuff in stuffs})
 
     def _snap_full(self, tank: str) -> None:

@@ -28,6 +28,7 @@ from plant_sim.memory import Memory
 BATCH_TIMES_KEPT = 1000
 """Latest batch starts kept for the period in the report."""
 
+_BOOLS = tuple(fact.name for fact in FACTS if fact.kind == "bool")
 _NOT_SINCE = -1
 _BATCH_OPEN = "batch in B3 counted"
 
@@ -52,7 +53,8 @@ def facts_of(memory: Memory) -> dict[str, FactValue]:
     for when in ("first_batch", "last_batch"):
         t_ns = memory.numbers[f"{when}_ns"]
         values[f"{when}_s"] = t_ns / 1e9 if t_ns >= 0 else -1.0
-    values.update((fact.name, memory.flags[fact.name]) for fact in FACTS if fact.kind == "bool")
+    flags = memory.flags
+    values.update(zip(_BOOLS, map(flags.__getitem__, _BOOLS), strict=True))
     return values
 
 

@@ -97,7 +97,9 @@ def connect(path: Path, write: bool = False) -> sqlite3.Connection:
 
 
 def _prepare(path: Path, base: sqlite3.Connection, write: bool) -> None:
-    empty = not base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    empty = _is_empty(base)
+    if empty and not write:
+        return  # made, and not begun: its maker may have been killed at that instant
     if write:
         if empty:
             base.execute("PRAGMA auto_vacuum = INCREMENTAL")
@@ -113,6 +115,10 @@ def _prepare(path: Path, base: sqlite3.Connection, write: bool) -> None:
     if application != APPLICATION_ID or version != VERSION:
         raise PlcemuError(f"{path}: found a database of another kind or version, expected a "
                           f"historian's file of version {VERSION}")
+
+
+def _is_empty(base: sqlite3.Connection) -> bool:
+    return not base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
 
 
 def add_run(base: sqlite3.Connection, name: str, now: str, tags: Sequence[Tag]) -> int:
@@ -163,6 +169,8 @@ def runs(path: Path) -> list[Run]:
 
 
 def _runs(base: sqlite3.Connection) -> list[Run]:
+    if _is_empty(base):
+        return []
     rows = base.execute(
         "SELECT run.id, name, began, ended, coalesce(min(frame.t_ns), 0), end_ns, count(frame.id) "
         "FROM run LEFT JOIN frame ON frame.run = run.id GROUP BY run.id ORDER BY run.id")

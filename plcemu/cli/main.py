@@ -18,8 +18,8 @@ from plcemu import __version__
 from plcemu.base.errors import CompileError, ConfigError, PlcemuError
 from plcemu.cli.output import print_json
 
-COMMANDS = ("check", "run", "control", "simulate", "plant", "monitor", "verify", "debug",
-            "why", "history")
+COMMANDS = ("check", "run", "control", "simulate", "plant", "monitor", "verify", "schedule",
+            "reach", "sweep", "debug", "why", "history")
 """Each is a module beside this one, with `HELP`, `add_arguments(parser)` and
 `execute(arguments) -> exit code`. Only that of the given command is loaded: a daemon that was
 killed is back sooner."""

@@ -204,8 +204,18 @@ def _print_violation(out: Console, entry: Mapping[str, Any]) -> None:
     since = f", triggered at {trigger:g} s" if trigger is not None else ""
     out.print(f"  decided at {story['decided_at_s']:g} s{since}; to blame: " +
               ", ".join(f"{tag} = {value}" for tag, value in story["blamed"].items()))
-    for row in story["recent"]:
-        out.print(f"  {row['t_s']:>12g} s  {row['tag']} := {row['value']}")
+    if entry.get("meaning"):
+        out.print(f"  meaning: {entry['meaning']}")
+    for line in story["table"].splitlines():
+        out.print(f"  {line}", no_wrap=True, overflow="ignore", crop=False)
+
+
+def print_stories(out: Console, properties: Sequence[Mapping[str, Any]]) -> None:
+    """Tell what became of the properties that did not hold, or of which nobody can tell."""
+    for entry in properties:
+        _print_violation(out, entry)
+        if entry["reason"]:
+            out.print(f"\n{entry['name']} is inconclusive: {entry['reason']}")
 
 
 def _plant_lines(plant: Mapping[str, Any]) -> list[str]:

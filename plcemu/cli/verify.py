@@ -5,22 +5,25 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rich.status import Status
 from rich.table import Table
 
+from plcemu.base.errors import PlcemuError
+from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
 from plcemu.runtime.config import load_config
 from plcemu.runtime.verification import limits_of, make_prover
 from plcemu.verify.explore import Progress
-from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Result
+from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Prover, Result
 
 HELP = "prove the properties for all runs of the compiled program, or show the counterexample"
 EPILOG = """examples:
   plcemu verify il_programs/batch_plant                       # from the configured load
   plcemu verify il_programs/batch_plant --set initial=loads   # from all 30 loads of the paper
-  plcemu verify il_programs/batch_plant --set load=7.5 --property produces
+  plcemu verify il_programs/batch_plant --set load=7.5 --property produces --save .
 
 Exit code 1 if a property is violated, a limit was reached before it was decided, or one that was
 asked for by name cannot be decided here."""
@@ -34,17 +37,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config_arguments(parser)
     parser.add_argument("--property", metavar="NAME", action="append", dest="names",
                         help="prove only this property; may be given several times")
+    parser.add_argument("--save", metavar="FOLDER", type=Path,
+                        help="write each counterexample as a scenario, NAME.yaml, for "
+                        "simulate --no-plant --scenario")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prove, and return 1 unless every property holds."""
+    if arguments.save is not None and not arguments.save.is_dir():
+        raise PlcemuError(f"--save {arguments.save}: there is no such folder")
     config = load_config(arguments.config, arguments.overrides)
     prover = make_prover(config, arguments.names)
     result = _with_progress(lambda told: prover.prove(limits_of(config), told))
+    saved = _save(arguments.save, result, prover) if arguments.save else []
     if arguments.json:
         print_json(document_of(config.name, result))
     else:
         _print(config.name, result)
+        for line in saved:
+            console().print(line)
     return 1 if any(_fails(p, arguments.names) for p in result.proofs) else 0
 
 
@@ -55,6 +66,22 @@ def _fails(proof: Proof, names: list[str] | None) -> bool:
     if verdict == INCONCLUSIVE:
         return bool(names) or not proof.finding.out_of_scope
     return verdict == VIOLATED
+
+
+def _save(folder: Path, result: Result, prover: Prover) -> list[str]:
+    """Write the counterexamples as scenarios; return how each is played."""
+    told = []
+    for proof in result.proofs:
+        path = proof.path
+        if path is None or proof.finding.verdict != VIOLATED:
+            continue
+        file = folder / f"{proof.name}.yaml"
+        text = f"Counterexample to {proof.name}: {proof.formula}, from {path.start}"
+        file.write_text(path.scenario(text, prover.loop.inputs), encoding="utf-8")
+        until = format_duration(path.ends_at_ns + path.cycle_ns)
+        told.append(f"written: {file}; plays with: plcemu simulate CONFIG --no-plant --scenario "
+                    f"{file} --until {until}")
+    return told
 
 
 def _with_progress(work: Callable[[Callable[[Progress], None] | None], Result]) -> Result:

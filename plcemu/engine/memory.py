@@ -40,6 +40,9 @@ class Memory:
         self.elapsed_tags = frozenset(
             i for i, (offset, _) in enumerate(self._slots) if offset in copies)
         """The tags that show elapsed times which the program does not read."""
+        self.idle_tags = frozenset(
+            i for i, (offset, _) in enumerate(self._slots) if offset in set(self._idle))
+        """The tags of clocks that the program does not read: they run without being a change."""
         self._owner = self._owners(set(self._idle))
         self._shown = _without(bytes(self.block), self._idle)
 

@@ -16,8 +16,8 @@ from plcemu.base.time import format_duration
 from plcemu.base.types import Value
 from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
+from plcemu.engine.jitter import Jitter, count_distinct
 from plcemu.engine.memory import Memory
-from plcemu.engine.releases import count_any
 from plcemu.engine.tasks import TaskState, prepare
 from plcemu.ir.program import Program, Task
 from plcemu.ir.shape import match
@@ -60,6 +60,7 @@ class Resource:
         engine: one of `plcemu.engine.engines.ENGINES`.
         tasks: instead of the program's own.
         safe_outputs: values of output tags while not in RUN; all others are 0 or FALSE.
+        jitter: of periodic tasks; None: none.
         budget: of tasks that name none: instructions that jumps backwards may cost in one run.
 
     Raises:
@@ -69,13 +70,15 @@ class Resource:
 
     def __init__(self, program: Program, cycle_ns: int, engine: str = "auto",
                  tasks: Sequence[Task] | None = None,
-                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET) -> None:
+                 safe_outputs: Mapping[str, Value] | None = None, budget: int = BUDGET,
+                 jitter: Jitter | None = None) -> None:
         self.program = program
         self.engine = make_engine(engine, program, budget)
         self.memory = Memory(program.layout, self.engine.block)
         self.state = State.RUN
         self.fault: ProgramFault | None = None
-        self._tasks = prepare(program, tasks or program.tasks, cycle_ns, self.engine, budget)
+        self._tasks = prepare(program, tasks or program.tasks, cycle_ns, self.engine, budget,
+                              jitter)
         self.tasks = list(dict.fromkeys(state.task for state in self._tasks))
         """The tasks, the most urgent first."""
         self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
@@ -148,7 +151,7 @@ class Resource:
 
     def releases_between(self, first_ns: int, before_ns: int) -> int:
         """Return how many instants in [first, before) release a task."""
-        return count_any((state.releases for state in self._tasks), first_ns, before_ns)
+        return count_distinct((state.releases for state in self._tasks), first_ns, before_ns)
 
     # ------------------------------------------------------------ scan
 
@@ -296,7 +299,7 @@ class Resource:
     def missed(self, first_ns: int, before_ns: int) -> None:
         """Count the releases in [first, before), which an overrun let pass, for each task."""
         for task, statistics in zip(self.tasks, self.statistics, strict=True):
-            lost = count_any((s.releases for s in self._tasks if s.task is task), first_ns,
+            lost = count_distinct((s.releases for s in self._tasks if s.task is task), first_ns,
                              before_ns)
             statistics.missed += lost
             statistics.overruns += lost > 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from plcemu.base.errors import PlcemuError
 from plcemu.engine.engines import Code, Engine
+from plcemu.engine.jitter import Jitter, JitteredReleases
 from plcemu.engine.releases import Releases
 from plcemu.engine.statistics import TaskStatistics
 from plcemu.ir.program import Event, Instance, Program, Task
@@ -30,7 +31,7 @@ class TaskState:
     """
 
     task: Task
-    releases: Releases
+    releases: Releases | JitteredReleases
     code: Code
     statistics: TaskStatistics = field(default_factory=TaskStatistics)
     looks_for_event: bool = False
@@ -44,7 +45,7 @@ class TaskState:
 
 
 def prepare(program: Program, tasks: Sequence[Task], cycle_ns: int, engine: Engine,
-            budget: int) -> list[TaskState]:
+            budget: int, jitter: Jitter | None = None) -> list[TaskState]:
     """Return tasks ready to run, the most urgent first; of equal ones the first named.
 
     Args:
@@ -53,6 +54,7 @@ def prepare(program: Program, tasks: Sequence[Task], cycle_ns: int, engine: Engi
         cycle_ns: the interval of tasks that name none, and how often events are looked for.
         engine: what runs them.
         budget: of tasks that name none.
+        jitter: of periodic tasks; None: none.
 
     Raises:
         PlcemuError: two tasks of one name, an interval or a budget that is not positive, a program
@@ -69,9 +71,15 @@ def prepare(program: Program, tasks: Sequence[Task], cycle_ns: int, engine: Engi
         if task.event:
             prepared.append(TaskState(task, looks, code, statistics, looks_for_event=True))
         if task.interval_ns or not task.event:
-            releases = Releases(task.phase_ns, task.interval_ns or cycle_ns)
+            releases = _releases(task, task.interval_ns or cycle_ns, jitter)
             prepared.append(TaskState(task, releases, code, statistics))
     return prepared
+
+
+def _releases(task: Task, step: int, jitter: Jitter | None) -> Releases | JitteredReleases:
+    if jitter is None:
+        return Releases(task.phase_ns, step)
+    return JitteredReleases(task.phase_ns, step, jitter, task.name)
 
 
 def _check(task: Task, cycle_ns: int, names: set[str]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from plcemu.engine.wat_cells import Cells
 from plcemu.engine.wat_flow import JUMPS, Flow, flow_of
+from plcemu.engine.wat_lines import indented, temporaries, without_unread_copies
 from plcemu.engine.wat_ops import KINDS, Helpers, Value, plain, translate
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import FLOATS, SIZES, VALUE_OPS
@@ -89,8 +90,8 @@ class FunctionWriter:
             self._lines.append("end")
         if not self._frame.returns_at_end:
             self._lines.append("unreachable")
-        self._lines = _without_copies_that_nobody_reads(self._lines)
-        return "\n".join([self._head(), *self._locals(), *_indented(self._lines), ")"])
+        self._lines = without_unread_copies(self._lines)
+        return "\n".join([self._head(), *self._locals(), *indented(self._lines), ")"])
 
     def _body(self) -> None:
         flow = self._frame.flow
@@ -106,12 +107,8 @@ class FunctionWriter:
         return f"(func {name} (param $this i32)" + (f" (result {KINDS[result]})" if result else "")
 
     def _locals(self) -> list[str]:
-        """Return the declarations; a temporary's name begins with its type, such as `$i32.0`."""
         own = [f"  (local ${n} {KINDS[m]})  ;; {m}" for n, m in enumerate(self._function.locals)]
-        written = {line.split(" ")[1] for line in self._lines
-                   if line.startswith(("local.tee $", "local.set $"))}
-        return own + [f"  (local {name} {name[1:4]})" for name in sorted(written)
-                      if not name[1].isdigit()]
+        return own + temporaries(self._lines)
 
     def _comment(self, instr: Instr) -> None:
         if instr.span is None or self._stack:
@@ -387,12 +384,6 @@ def _copy_of(base: str, offset: int, machine: str) -> str:
     return f"${KINDS[machine]}.{base}+{offset}.{machine}"
 
 
-def _without_copies_that_nobody_reads(lines: list[str]) -> list[str]:
-    read = {line[10:] for line in lines if line.startswith("local.get $") and "+" in line}
-    return [line for line in lines
-            if not (line.startswith("local.tee $") and "+" in line and line[10:] not in read)]
-
-
 def _base(base: str) -> str:
     return "(local.get $this)" if base == "this" else "(i32.const 0)"
 
@@ -405,15 +396,3 @@ def _i32(value: int) -> int:
     """Return an integer as an i32 constant, by its low bits."""
     value &= 0xFFFFFFFF
     return value - (1 << 32) if value >> 31 else value
-
-
-def _indented(lines: list[str]) -> list[str]:
-    out, depth = [], 1
-    for line in lines:
-        word = line.split(" ", 1)[0]
-        if word in ("end", "else"):
-            depth -= 1
-        out.append("  " * min(depth, 20) + line)
-        if word in ("block", "loop", "if", "else"):
-            depth += 1
-    return out

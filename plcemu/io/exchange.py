@@ -222,17 +222,21 @@ class Exchange:
     """
 
     def __init__(self, memory: bytearray | memoryview, extents: Sequence[Extent] = ()) -> None:
-        self._memory = memory
-        self._extents = tuple(extents)
-        self._by_area = _grouped(self._extents)
         self._image = {area: bytearray(size) for area, size in AREAS.items()}
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
-        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
-        self._last_raw: list[bytes] = [b""] * len(self._extents)
+        self._stand_over(memory, extents)
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
         self.update_outputs()
+
+    def _stand_over(self, memory: bytearray | memoryview, extents: Sequence[Extent]) -> None:
+        """Take a memory block, and note where its stretches stand in the image."""
+        self._memory = memory
+        self._extents = tuple(extents)
+        self._by_area = _grouped(self._extents)
+        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
+        self._last_raw: list[bytes] = [b""] * len(self._extents)
 
     def port(self, name: str) -> Port:
         """Return a new client's view."""
@@ -321,9 +325,8 @@ class Exchange:
                 ended.append(offset)
             else:
                 forces[new] = data
-        self._memory, self._extents, self._forces = memory, tuple(extents), forces
-        self._by_area = _grouped(self._extents)
-        self._last_raw = [b""] * len(self._extents)
+        self._forces = forces
+        self._stand_over(memory, extents)
         return ended
 
     def update_inputs(self) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from plcemu.base.errors import did_you_mean
 from plcemu.base.spans import Span
@@ -97,6 +98,7 @@ class Planner:
 
     def _tasks(self, by_task: dict[tuple[str, str], list[str]]) -> tuple[Task, ...]:
         tasks: list[Task] = []
+        resources: list[str] = []
         seen: set[tuple[str, str]] = set()
         for configuration in self._configurations:
             for task in configuration.tasks:
@@ -110,9 +112,15 @@ class Planner:
                     self._report.warning("P0058", task.span,
                                          f"no program runs in TASK {task.name!r}")
                 tasks.append(self._task(task, programs))
+                resources.append(task.resource)
+        tasks = _with_names_of_their_own(tasks, resources)
         left = by_task.pop(("", ""), [])
         if left:
-            tasks.append(Task(DEFAULT_TASK, 0, LOWEST_PRIORITY, 0, tuple(left)))
+            taken = {task.name.casefold() for task in tasks}
+            name = DEFAULT_TASK
+            while name in taken:
+                name += "_"
+            tasks.append(Task(name, 0, LOWEST_PRIORITY, 0, tuple(left)))
         return tuple(tasks)
 
     def _task(self, task: s.TaskDeclaration, programs: tuple[str, ...]) -> Task:
@@ -177,6 +185,14 @@ def without_resource(expr: s.Name | s.Direct, globals_: Scope,
     place = globals_.find(expr.head.upper())
     has_fields = place is not None and isinstance(place.type, BlockType)
     return expr if has_fields else s.Name(expr.span, expr.parts[1:])
+
+
+def _with_names_of_their_own(tasks: Sequence[Task], resources: Sequence[str]) -> list[Task]:
+    """Put the resource before the name of tasks that several resources call the same."""
+    counts = Counter(task.name.casefold() for task in tasks)
+    return [replace(task, name=f"{resource}.{task.name}")
+            if counts[task.name.casefold()] > 1 else task
+            for task, resource in zip(tasks, resources, strict=True)]
 
 
 def _key(resource: str, task: str) -> tuple[str, str]:

@@ -104,6 +104,13 @@ class Suites:
         fresh.suite.observe(frame)
         self._members = [*(m for m in self._members if m.names), fresh]
 
+    @property
+    def reads(self) -> frozenset[int]:
+        """The indices of the tags that the properties read."""
+        names = {member.tags[n].name for member in self._members
+                 for n in member.suite.tags_used()}
+        return frozenset(self.tags.find(name) for name in names)
+
     def _meaning(self, name: str) -> set[Tag]:
         member = next(m for m in self._members if name in m.names)
         return _used(member.suite, member.tags, name)

@@ -82,7 +82,10 @@ class Violation:
                 "decided_at_s": _seconds(self.decided_at_ns),
                 "blamed": dict(self.blamed),
                 "recent": [{"t_s": _seconds(t), "tag": tag, "value": value}
-                           for t, tag, value in self.recent]}
+                           for t, tag, value in self.recent],
+                "scans": [{"scan": row.scan, "t_s": _seconds(row.t_ns), "changes": row.changes}
+                          for row in self.scans],
+                "table": self.table()}
 
     def table(self) -> str:
         """Return the last scans before the decision as a table of the changes in them."""

@@ -5,11 +5,14 @@ Paths in a file are relative to that file. `extends` takes another configuration
 
 from __future__ import annotations
 
+import copy
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import yaml
 from pydantic import (
@@ -23,7 +26,7 @@ from pydantic import (
 )
 
 from plant_sim.devices import SAMPLE_NS, Device
-from plant_sim.registry import load
+from plant_sim.registry import PLANTS, load
 from plcemu.base.areas import parse_address
 from plcemu.base.errors import ConfigError, did_you_mean
 from plcemu.base.time import DurationError, parse_duration_ns
@@ -60,6 +63,20 @@ def _positive(value: object) -> int:
     return t_ns
 
 
+def _percent(value: object) -> Fraction:
+    text, mistake = str(value).strip(), ValueError("a part of the cycle from 0 % to 90 %, "
+                                                   "such as 0.5 %")
+    if not text.endswith("%") or len(text) > _DIGITS_LIMIT or "e" in text.lower():
+        raise mistake
+    try:
+        part = Fraction(text[:-1].strip()) / 100
+    except (ValueError, ZeroDivisionError):
+        raise mistake from None
+    if not 0 <= part <= Fraction(9, 10):
+        raise mistake
+    return part
+
+
 def _factor(value: object) -> Fraction:
     text, mistake = str(value), ValueError("a number between 1e-9 and 1e9")
     exponent = text.lower().partition("e")[2].lstrip("+-")
@@ -74,6 +91,10 @@ def _factor(value: object) -> Fraction:
     return factor
 
 
+def _limit(value: object) -> Fraction | None:
+    return None if value is None else _factor(value)
+
+
 def _number(value: object) -> object:
     if not isinstance(value, bool | int | float):
         raise ValueError("true, false or a number")
@@ -84,6 +105,11 @@ def _texts(value: object) -> object:
     return [value] if isinstance(value, str) else value
 
 
+def _listed(value: object) -> object:
+    """Take a list or a number for the text of what is varied."""
+    return ", ".join(map(str, value)) if isinstance(value, list) else _text(value)
+
+
 def _text(value: object) -> object:
     """Take a number for a text where a text is wanted: a name such as 7 needs no quotes."""
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -92,6 +118,7 @@ def _text(value: object) -> object:
 Duration = Annotated[int, BeforeValidator(_not_negative)]
 PositiveDuration = Annotated[int, BeforeValidator(_positive)]
 Factor = Annotated[Fraction, BeforeValidator(_factor)]
+Percent = Annotated[Fraction, BeforeValidator(_percent)]
 Texts = Annotated[list[str], BeforeValidator(_texts)]
 Number = Annotated[bool | int | float, BeforeValidator(_number)]
 Unit = Annotated[int, Field(ge=0, le=255)]
@@ -117,6 +144,17 @@ class TaskSection(Section):
     programs: Texts | None = None
     budget: Budget | None = None
     watchdog: PositiveDuration | None = None
+
+
+class JitterSection(Section):
+    """How the duration of cycles varies; `per` run: all cycles of a run by the same amount."""
+
+    deviation: Percent
+    per: Literal["cycle", "run"] = "cycle"
+
+
+def _deviation(value: object) -> object:
+    return value if isinstance(value, dict) or value is None else {"deviation": value}
 
 
 class RangeSection(Section):
@@ -156,6 +194,16 @@ class RealtimeSection(Section):
     gc_freeze: bool = True
     reserve: Duration = 200_000
     spin: Duration = 0
+
+
+class SweepSection(Section):
+    """A family of runs, for `plcemu sweep`."""
+
+    until: PositiveDuration | None = None
+    runs: int = Field(default=1, ge=1, le=10_000_000)
+    seed: int | None = Field(default=None, ge=0, lt=2**63)
+    vary: dict[str, Annotated[str, BeforeValidator(_listed)]] = {}
+    collect: Texts = []
 
 
 class PointSection(Section):
@@ -269,13 +317,14 @@ class PlantSection(Section):
 
     model: str
     parameters: dict[str, Any] = {}
-    seed: int = 0
+    seed: int | None = None
     devices: dict[str, DeviceSection] = {}
     scenario: str | None = None
     time_scale: Factor = Fraction(1)
     inputs: dict[str, Annotated[InputSection, BeforeValidator(_point)]] = {}
     outputs: dict[str, Annotated[OutputSection, BeforeValidator(_point)]] = {}
     period: PositiveDuration | None = None
+    output_delay: Literal["none", "cycle"] = "none"
 
 
 class LimitsSection(Section):
@@ -297,6 +346,28 @@ class VerifySection(Section):
     limits: LimitsSection = LimitsSection()
 
 
+class StudySection(Section):
+    """A study of `plcemu reach`: a parameter varied, an objective's reachable interval drawn."""
+
+    vary: str
+    set: list[str] = []
+    show: Literal["interval", "range"] = "range"
+    within: Annotated[Fraction | None, BeforeValidator(_limit)] = None
+    title: str = ""
+
+
+class ReachSection(Section):
+    """Exact reachability."""
+
+    regions: Literal["auto", "zones", "polyhedra"] = "auto"
+    states: int = Field(default=200_000, ge=1)
+    studies: dict[str, StudySection] = {}
+
+    def study(self, name: str) -> StudySection | None:
+        """Return the study of a name, or None."""
+        return self.studies.get(name)
+
+
 class Config(Section):
     """A whole configuration."""
 
@@ -308,12 +379,15 @@ class Config(Section):
     budget: Budget = BUDGET
     watchdog: PositiveDuration | None = None
     sipn_single_firing: bool = False
+    jitter: Annotated[JitterSection | None, BeforeValidator(_deviation)] = None
+    seed: int = Field(0, ge=0, lt=2**63)
     tasks: dict[str, TaskSection] = {}
     safe_outputs: dict[str, Number] = {}
     speed: Factor = Fraction(1)
     modbus: ModbusSection = ModbusSection()
     realtime: RealtimeSection = RealtimeSection()
     plant: PlantSection | None = None
+    sweep: SweepSection = SweepSection()
     properties: Texts = []
     plot: dict[str, Texts] = {}
     retain: RetainSection = RetainSection()
@@ -321,6 +395,7 @@ class Config(Section):
     historian: HistorianSection = HistorianSection()
     reactions: dict[str, ReactionSection] = {}
     verify: VerifySection = VerifySection()
+    reach: ReachSection = ReachSection()
 
     _file: str = PrivateAttr("configuration")
     _places: Mapping[KeyPath, str] = PrivateAttr(default_factory=dict)
@@ -376,6 +451,45 @@ def find_config(path: str | Path | None) -> Path:
     return chosen
 
 
+@dataclass(frozen=True)
+class ConfigText:
+    """A configuration as read, of which overrides make one configuration after another."""
+
+    file: Path
+    values: Mapping[str, Any]
+    places: Mapping[KeyPath, str]
+
+    @classmethod
+    def read(cls, path: str | Path | None) -> Self:
+        """Read a configuration file, or the one in a folder.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        file = find_config(path)
+        return cls(file, *_read(file, ()))
+
+    def config(self, overrides: Sequence[str] = ()) -> Config:
+        """Return the configuration with `NAME=VALUE` overrides.
+
+        Raises:
+            ConfigError: with every mistake, each with its file and line.
+        """
+        values, places = copy.deepcopy(dict(self.values)), dict(self.places)
+        for override in overrides:
+            key = _override(values, override)
+            places[key] = f"--set {override}"
+            if key in _PATH_KEYS:
+                _find_beside(values, key, self.file.parent)
+        try:
+            config = Config.model_validate(values)
+        except ValidationError as problems:
+            raise ConfigError([problem_text(str(self.file), places, p)
+                               for p in problems.errors()]) from None
+        config._file, config._places = str(self.file), places
+        return config
+
+
 def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Config:
     """Read a configuration and the `NAME=VALUE` overrides for it.
 
@@ -385,21 +499,18 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
     Raises:
         ConfigError: with every mistake, each with its file and line.
     """
-    file = find_config(path)
-    values, places = _read(file, ())
-    for override in overrides:
-        key = _override(values, override)
-        places[key] = f"--set {override}"
-    try:
-        config = Config.model_validate(values)
-    except ValidationError as problems:
-        raise ConfigError([problem_text(str(file), places, p) for p in problems.errors()]) from None
-    config._file, config._places = str(file), places
-    return config
+    return ConfigText.read(path).config(overrides)
 
 
 _PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
 _FILE_KEYS = (("retain", "file"), ("control", "socket"), ("historian", "file"))
+
+
+def _find_beside(values: dict[str, Any], key: KeyPath, folder: Path) -> None:
+    """Let files of the command line that do not exist as named stand beside the configuration."""
+    section = values if len(key) == 1 else values[key[0]]
+    section[key[-1]] = [str(folder / p) if isinstance(p, str) and not Path(p).exists()
+                        and (folder / p).exists() else p for p in _as_list(section[key[-1]])]
 
 
 def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[KeyPath, str]]:
@@ -483,8 +594,11 @@ def _override(values: dict[str, Any], text: str) -> KeyPath:
     target = values
     for key in path[:-1]:
         inner = target.get(key)
-        target[key] = {} if inner is None else {"address": inner} if _is_point(path, inner) \
-            else inner
+        if _is_point(path, inner):
+            inner = {"address": inner}
+        elif path[0] == "jitter" and isinstance(inner, str):
+            inner = _deviation(inner)
+        target[key] = {} if inner is None else inner
         target = target[key]
         if not isinstance(target, dict):
             raise ConfigError([f"--set {text}: {key} holds a value, not keys"])
@@ -537,10 +651,18 @@ def _short_name(values: Mapping[str, Any], name: str) -> list[str]:
 
 def plant_parameters(model: str) -> list[str]:
     """Return the names of a plant model's parameters; none for a model that cannot be made."""
+    return _parameters_of_own(model) if model in PLANTS else _parameters_of(model)
+
+
+def _parameters_of(model: str) -> list[str]:
     try:
         return [row.name for row in load(model).parameters.table()]
     except Exception:  # a user's own class may raise anything; making the plant tells what
         return []
+
+
+_parameters_of_own = cache(_parameters_of)
+"""Of the package's own plants, which do not change while it runs."""
 
 
 # ---------------------------------------------------------------- mistakes
@@ -594,6 +716,8 @@ def _expected(error: Any) -> str:
 
 _SECTIONS: Mapping[KeyPath, type[Section]] = {
     (): Config,
+    ("jitter",): JitterSection,
+    ("sweep",): SweepSection,
     ("tasks", "*"): TaskSection,
     ("modbus",): ModbusSection,
     ("modbus", "ranges", "*"): RangeSection,
@@ -610,6 +734,8 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,
     ("verify", "limits"): LimitsSection,
+    ("reach",): ReachSection,
+    ("reach", "studies", "*"): StudySection,
 }
 
 

@@ -22,7 +22,6 @@ from plcemu.engine.resource import Checkpoint as ResourceCheckpoint
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Checkpoint as ExchangeCheckpoint
 from plcemu.io.exchange import Exchange
-from plcemu.monitor.formula import tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.monitor.suites import Succession, Suites
 from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
@@ -161,9 +160,12 @@ class Cycle:
                                        *(len(s.tags) for s in every)]))
         self._own.verdicts.suite = self.suite
         self._started = False
-        elapsed = self.resource.memory.elapsed_tags
-        self._elapsed_judged = any(self.tags.find(ref.name) in elapsed
-                                   for p in self.suite.properties for ref in tag_refs(p.formula))
+        self._times_run = False
+        memory = self.resource.memory
+        self._elapsed_judged = not memory.elapsed_tags.isdisjoint(self.suite.reads)
+        # Times of steps that only properties read: no part of what the program's frames show.
+        self._judged_times = sorted(self.suite.reads & memory.idle_tags)
+        self._times: list[Value] = [memory.read(i) for i in self._judged_times]
 
     # ------------------------------------------------------------ an edited program
 
@@ -314,6 +316,13 @@ class Cycle:
         memory = self.resource.memory
         changes = list(memory.changes() if self._started else memory.values())
         self._started = True
+        if self._judged_times:
+            now = [memory.read(i) for i in self._judged_times]
+            told = {index for index, _ in changes}
+            changes += [(i, new) for i, new, old in
+                        zip(self._judged_times, now, self._times, strict=True)
+                        if new != old and i not in told]
+            self._times_run, self._times = now != self._times, now
         for n, source in enumerate(self._sources):
             changes += self._moved(n, source.values())
         return tuple(changes)
@@ -380,7 +389,8 @@ class Cycle:
         before the limit is never passed over, so that all clocks stand right in the end.
         """
         resource = self.resource
-        if self.exchange.waiting or (self.reactions is not None and self.reactions.must_look()):
+        if self.exchange.waiting or self._times_run or \
+                (self.reactions is not None and self.reactions.must_look()):
             return
         only_elapsed = not resource.is_quiet()
         if only_elapsed and (self.observers or self.recorder or self._elapsed_judged

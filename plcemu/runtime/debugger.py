@@ -162,9 +162,9 @@ class Debugger:
             code.run()
         except ProgramFault as fault:
             failed = fault
-        if self._wanted or failed or self._differ(before, bytes(block)):
+        if self._tracing is not None and (self._wanted or failed
+                                          or self._differ(before, bytes(block))):
             block[:] = before
-            assert self._tracing is not None
             self._tracing.images.append((len(self._tracing.events), before))
             instances = [self.cycle.resource.program.instance(name) for name in task.programs]
             self._tracing.events.extend(self._tracer.events(

@@ -269,7 +269,7 @@ class Historian:
             base.execute("UPDATE run SET ended = ? WHERE id = ?", (now.isoformat(), run))
             forgotten = self._forget(run, now)
             base.execute("COMMIT")
-            base.execute("PRAGMA incremental_vacuum")
+            base.executescript("PRAGMA incremental_vacuum;")  # execute() frees one page only
         except sqlite3.Error as problem:
             if base.in_transaction:
                 base.execute("ROLLBACK")

@@ -71,7 +71,7 @@ class LocalPlant:
     def advance(self, t_ns: int) -> None:
         """Bring the plant to an instant at which nothing is scanned."""
         if not self.stepped_aside:
-            self.coupling.advance(t_ns)
+            self.coupling.advance(t_ns, at_release=False)
 
     def before_scan(self, t_ns: int) -> None:
         """Bring the plant to the instant and queue the inputs that changed."""

@@ -176,7 +176,7 @@ def _first(*values: int | None) -> int | None:
     return next((v for v in values if v is not None), None)
 
 
-_TIME = r"[0-9][\w.# ]*?"
+_TIME = r"(?:L?T(?:IME)?#)?[0-9][\w. ]*?"
 _FAULT = re.compile(rf"(?P<what>.+?)(?:\s+(?:at|from)\s+(?P<at>{_TIME}))?"
                     rf"(?:\s+until\s+(?P<until>{_TIME}))?", re.IGNORECASE)
 
@@ -298,7 +298,7 @@ class Player:
         played: steps played so far.
 
     Raises:
-        ConfigError: there is no such tag, or it cannot have the value.
+        ConfigError: there is no such tag, it cannot have the value, or a fault has no plant.
     """
 
     PORT = "scenario"
@@ -308,6 +308,9 @@ class Player:
         self._resource = resource
         self._access = TagAccess(resource.memory, exchange, self.PORT)
         own = _disturbances(plant)
+        if plant is None and (faults := [s for s in scenario.steps if s.injection is not None]):
+            raise ConfigError([f"{step.where}: there is no plant in this process to have a fault"
+                               for step in faults])
         self._steps = [(step, [(n, v) for n, v in step.sets if n.casefold() not in own])
                        for step in scenario.steps]
         self._steps = [(step, sets) for step, sets in self._steps

@@ -6,7 +6,7 @@ import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import plcemu
 from hil.coupling import Coupling, CouplingError, points
@@ -24,6 +24,7 @@ from plcemu.base.errors import (
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
 from plcemu.engine.engines import ENGINES
+from plcemu.engine.jitter import Jitter
 from plcemu.engine.resource import Resource
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
@@ -44,7 +45,14 @@ from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
 from plcemu.runtime.alarms import Alarm
 from plcemu.runtime.change import Change, make_exchange
-from plcemu.runtime.config import AlarmSection, Config, PlantSection, PointSection, TaskSection
+from plcemu.runtime.config import (
+    AlarmSection,
+    Config,
+    PlantSection,
+    PointSection,
+    TaskSection,
+    plant_parameters,
+)
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.reactions import Reaction, Reactions
@@ -55,6 +63,25 @@ from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenar
 CHANGEABLE = ("program", "cycle", "engine", "sfc_final_scan", "sipn_single_firing", "budget",
               "watchdog", "tasks", "safe_outputs", "properties")
 """Keys that an online change takes from the configuration."""
+
+
+class Parts(NamedTuple):
+    """What of a system is the same for all runs of one program: compiled program, properties."""
+
+    program: Program
+    properties: list[Property]
+
+
+def load_parts(config: Config) -> Parts:
+    """Compile the program and read the properties of a configuration.
+
+    Raises:
+        CompileError: the program or a property is wrong.
+        ConfigError: a file of properties cannot be read.
+    """
+    program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                              single_firing=config.sipn_single_firing)
+    return Parts(program, _load_properties(config))
 
 
 class System:
@@ -72,6 +99,7 @@ class System:
         retain: `warm` takes the retained variables over and keeps them, `cold` only keeps them,
             `off` does neither.
         scenario: what comes from outside, besides the scenario of the configuration.
+        parts: program and properties, if they are loaded already.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -80,10 +108,10 @@ class System:
 
     def __init__(self, config: Config, with_plant: bool = True,
                  retain: Literal["off", "cold", "warm"] = "off",
-                 scenario: Scenario = Scenario()) -> None:  # noqa: B008
+                 scenario: Scenario = Scenario(),  # noqa: B008
+                 parts: Parts | None = None) -> None:
         self.config = config
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
-                                  single_firing=config.sipn_single_firing)
+        program, properties = parts or load_parts(config)
         self.warnings = list(program.warnings)
         resource = make_resource(config, program)
         self.retention: Retention | None = None
@@ -98,7 +126,7 @@ class System:
         self.plant = plant if with_plant else None
         self._facts = TagTable(plant.tags) if plant is not None and self.plant is None \
             else TagTable()
-        self.properties, self.not_judged = self._judged(config, program)
+        self.properties, self.not_judged = self._judged(properties, program)
         self.recordings: Recordings | None = None
         self.reactions = make_reactions(config, self.properties, self.not_judged, self._record)
         sources = [s for s in (self.retention, self.reactions.alarms) if s is not None]
@@ -152,9 +180,9 @@ class System:
         """The PLC's processor; an online change puts another in its place."""
         return self.cycle.resource
 
-    def _judged(self, config: Config, program: Program) -> tuple[list[Property], list[str]]:
+    def _judged(self, properties: list[Property],
+                program: Program) -> tuple[list[Property], list[str]]:
         """Return the properties, and the names of those that speak of a plant not here."""
-        properties = _load_properties(config)
         known = TagTable(slot.tag for slot in program.layout.slots)
         absent = [p.name for p in properties
                   if any(ref.name in self._facts and ref.name not in known
@@ -171,10 +199,9 @@ class System:
             CompileError: the program or a property is wrong.
             ConfigError: tasks or outputs do not fit the program.
         """
-        program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
-                                  single_firing=config.sipn_single_firing)
+        program, given = load_parts(config)
         resource = make_resource(config, program)
-        properties, _ = self._judged(config, program)
+        properties, _ = self._judged(given, program)
         try:
             return Change(self.cycle, resource, properties, self._player(resource))
         except CompileError:
@@ -294,10 +321,17 @@ def make_resource(config: Config, program: Program) -> Resource:
     _check_safe_outputs(config, program)
     try:
         return Resource(program, config.cycle, config.engine, tasks, config.safe_outputs,
-                        config.budget)
+                        config.budget, _jitter(config))
     except (PlcemuError, ValueError) as problem:
         key = "engine" if config.engine not in ENGINES else "tasks"
         raise config.mistake((key,), problem) from None
+
+
+def _jitter(config: Config) -> Jitter | None:
+    section = config.jitter
+    if section is None:
+        return None
+    return Jitter(section.deviation, section.per == "run", config.seed)
 
 
 def make_tasks(config: Config, program: Program) -> list[Task]:
@@ -407,14 +441,15 @@ def make_plant(config: Config, scenario: Scenario = Scenario()) -> Plant:  # noq
         return plant
     devices = {name: device.device() for name, device in section.devices.items()}
     try:
-        return Rig(plant, devices, injections, section.seed)
+        return Rig(plant, devices, injections,
+                   config.seed if section.seed is None else section.seed)
     except ValueError as problem:
         raise config.mistake(("plant", "devices"), problem) from None
 
 
 def _load_plant(config: Config, section: PlantSection) -> Plant:
     try:
-        return load(section.model, section.parameters)
+        return load(section.model, _parameters(config, section))
     except PlantLoadError as problem:
         raise config.mistake(("plant", "model"), problem) from None
     except ParameterError as problem:
@@ -423,6 +458,14 @@ def _load_plant(config: Config, section: PlantSection) -> Plant:
     except Exception as problem:  # whatever a user's own class raises
         raise config.mistake(("plant", "model"), f"cannot be made: {type(problem).__name__}: "
                              f"{problem}") from problem
+
+
+def _parameters(config: Config, section: PlantSection) -> dict[str, Any]:
+    """Return the plant's parameters; a plant that draws by a seed takes the configuration's."""
+    if "seed" not in plant_parameters(section.model):
+        return section.parameters
+    seed = config.seed if section.seed is None else section.seed
+    return {"seed": seed, **section.parameters}
 
 
 def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling:  # noqa: B008
@@ -439,7 +482,7 @@ def make_coupling(config: Config, scenario: Scenario = Scenario()) -> Coupling: 
                      [p for p in ports if p.direction == "sensor"])
     outputs = _points(config, section.outputs, "outputs",
                       [p for p in ports if p.direction == "actuator"])
-    return Coupling(plant, inputs, outputs, section.time_scale)
+    return Coupling(plant, inputs, outputs, section.time_scale, section.output_delay == "cycle")
 
 
 def _points(config: Config, section: Mapping[str, PointSection], what: str,

@@ -64,7 +64,8 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
     """
     properties = load_demands(config, names)
     plant = make_abstraction(config)
-    program = compile_program(config.program_paths, final_scan=config.sfc_final_scan)
+    program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
+                              single_firing=config.sipn_single_firing)
     wiring = make_coupling(config)
     return Prover(make_resource(config, program), plant, wiring.inputs, wiring.outputs,
                   config.cycle, properties, config.verify.merge)

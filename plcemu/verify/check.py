@@ -206,6 +206,29 @@ class Recurrence:
 
 
 @dataclass(frozen=True, slots=True)
+class NoDeadlock:
+    """`AG EX TRUE`: in every state that can be reached, something can still happen."""
+
+    watched: tuple[Formula, ...] = ()
+    tested: tuple[Formula, ...] = ()
+
+    @staticmethod
+    def of(formula: Formula) -> NoDeadlock | None:
+        """Return the check if the formula is this one."""
+        return NoDeadlock() if formula == Unary("AG", Unary("EX", TRUE)) else None
+
+    def judge(self, evidence: Evidence) -> Finding:
+        """Violated by a state in which nothing can happen; the way to the first one is shown."""
+        graph = evidence.graph
+        ends = set(terminal(graph))
+        if ends:
+            return Finding(VIOLATED, run=Lasso(*run_to(graph, min(ends)), []), bad=ends)
+        if not graph.complete:
+            return Finding(INCONCLUSIVE, graph.reason)
+        return Finding(HOLDS, bad=ends)
+
+
+@dataclass(frozen=True, slots=True)
 class NoCheck:
     """A formula that no check takes."""
 
@@ -218,7 +241,8 @@ class NoCheck:
         return Finding(INCONCLUSIVE, self.reason, out_of_scope=True)
 
 
-CHECKS: list[Callable[[Formula], Check | None]] = [Invariant.of, Reachable.of, Recurrence.of]
+CHECKS: list[Callable[[Formula], Check | None]] = [Invariant.of, Reachable.of, Recurrence.of,
+                                                   NoDeadlock.of]
 """Each takes a formula or returns None; the first that takes it judges it."""
 
 
@@ -230,8 +254,8 @@ def check_for(formula: Formula) -> Check:
             return check
     timed = any(isinstance(p, (Unary, Binary)) and p.interval for p in walk(formula))
     return NoCheck("it speaks of durations, which are abstracted away here" if timed else
-                   "no check for formulas of this form; there are G p, AG p, EF p and "
-                   "G F p & G F q with p, q of one instant")
+                   "no check for formulas of this form; there are G p, AG p, EF p, "
+                   "G F p & G F q with p, q of one instant, and AG EX TRUE")
 
 
 # ---------------------------------------------------------------- formulas

@@ -6,7 +6,7 @@ about, everything that flows into them is added; the rest - a counter that nothi
 time that nobody reads - cannot influence a run and is cut away.
 
 The analysis gives up, and keeps everything, where a program reaches memory through addresses that
-are not known before it runs (arrays, VAR_IN_OUT, strings).
+are not known before it runs (VAR_IN_OUT, strings). An element of an array may be any of them.
 """
 
 from __future__ import annotations
@@ -27,10 +27,17 @@ class _Indirect(Exception):
 
 
 class _Value(NamedTuple):
-    """What is known of a value: the bytes it depends on, and the address that it is."""
+    """What is known of a value.
+
+    Attributes:
+        bytes: those it depends on.
+        address: the least address that it may be; None if it is none.
+        span: how much further the address may be, or how large the distance into an array.
+    """
 
     bytes: frozenset[int] = frozenset()
     address: int | None = None
+    span: int | None = None
 
 
 _NOTHING = _Value()
@@ -124,7 +131,8 @@ class _Walk:
         operands = [self.stack.pop() for _ in VALUE_OPS[op].pops]
         depends = frozenset().union(*(v.bytes for v in operands))
         if any(v.address is not None for v in operands):
-            raise _Indirect
+            self.stack.append(_element(op, operands, depends))
+            return
         if op.split(".")[0] in _MAY_FAULT:
             self.flow.decides |= depends
         self.stack.append(_Value(depends))
@@ -132,19 +140,21 @@ class _Walk:
     def place(self, base: str, offset: int) -> int:
         return offset + (self.this if base == "this" else 0)
 
-    def read(self, machine: str, address: int) -> None:
-        self.stack.append(_Value(frozenset(range(address, address + SIZES[machine]))))
+    def read(self, machine: str, address: int, place: _Value = _NOTHING) -> None:
+        end = address + (place.span or 0) + SIZES[machine]
+        self.stack.append(_Value(frozenset(range(address, end)) | place.bytes))
 
-    def write(self, machine: str, address: int, value: _Value) -> None:
+    def write(self, machine: str, address: int, value: _Value, place: _Value = _NOTHING) -> None:
         if value.address is not None:
             raise _Indirect
-        self.flow.stores.add((address, SIZES[machine], value.bytes))
+        size = (place.span or 0) + SIZES[machine]
+        self.flow.stores.add((address, size, value.bytes | place.bytes))
 
-    def known_address(self) -> int:
-        address = self.stack.pop().address
-        if address is None:
+    def known_address(self) -> tuple[int, _Value]:
+        place = self.stack.pop()
+        if place.address is None:
             raise _Indirect
-        return address
+        return place.address, place
 
     def op_const(self, instr: Instr) -> None:
         self.stack.append(_NOTHING)
@@ -162,20 +172,26 @@ class _Walk:
 
     def op_loadat(self, instr: Instr) -> None:
         machine, offset = instr.arg
-        self.read(machine, self.known_address() + offset)
+        address, place = self.known_address()
+        self.read(machine, address + offset, place)
 
     def op_storeat(self, instr: Instr) -> None:
         machine, offset = instr.arg
         value = self.stack.pop()
-        self.write(machine, self.known_address() + offset, value)
+        address, place = self.known_address()
+        self.write(machine, address + offset, value, place)
 
     def op_copy(self, instr: Instr) -> None:
-        source, target = self.known_address(), self.known_address()
-        for n in range(instr.arg):
-            self.flow.stores.add((target + n, 1, frozenset((source + n,))))
+        (source, origin), (target, place) = self.known_address(), self.known_address()
+        read = range(source, source + (origin.span or 0) + instr.arg)
+        self.flow.stores.add((target, (place.span or 0) + instr.arg,
+                              frozenset(read) | origin.bytes | place.bytes))
 
     def op_index(self, instr: Instr) -> None:
-        raise _Indirect
+        _, count, size = instr.arg
+        number = self.stack.pop()
+        self.flow.decides |= number.bytes
+        self.stack.append(_Value(number.bytes, span=(count - 1) * size))
 
     def op_builtin(self, instr: Instr) -> None:
         raise _Indirect
@@ -211,7 +227,10 @@ class _Walk:
 
     def op_call(self, instr: Instr) -> None:
         function = self.flow.program.functions[instr.arg]
-        result = _follow(self.flow, function, self.known_address())
+        address, place = self.known_address()
+        if place.span:
+            raise _Indirect
+        result = _follow(self.flow, function, address)
         if function.result:
             self.stack.append(result)
 
@@ -226,3 +245,13 @@ class _Walk:
 
     def op_fault(self, instr: Instr) -> None:
         self.dead = True
+
+
+def _element(op: str, operands: list[_Value], depends: frozenset[int]) -> _Value:
+    """Return the address of an element: that of its array and a distance into it."""
+    places = [v for v in operands if v.address is not None]
+    distances = [v for v in operands if v.address is None and v.span is not None]
+    if op != "add.u32" or len(places) != 1 or len(distances) != 1:
+        raise _Indirect
+    place, distance = places[0], distances[0]
+    return _Value(depends, place.address, (place.span or 0) + (distance.span or 0))

@@ -7,9 +7,9 @@ import sys
 import time
 from array import array
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, Literal, NamedTuple
+from typing import Generic, Literal
 
 from plcemu.verify.system import A, S, TransitionSystem
 
@@ -52,13 +52,6 @@ class Progress:
     def __str__(self) -> str:
         return (f"{self.states:,} states, {self.edges:,} transitions, {self.rate:,.0f} states/s, "
                 f"frontier {self.frontier:,}, {self.memory_mb} MB")
-
-
-class Edge(NamedTuple):
-    """A transition of a graph: an action and the number of the state it leads to."""
-
-    action: Hashable
-    target: int
 
 
 @dataclass(slots=True)

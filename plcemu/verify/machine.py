@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from plcemu.base.errors import PlcemuError
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
-from plcemu.ir.program import Program
+from plcemu.ir.program import Block, Program
 
 
 class ScanMachine:
@@ -19,36 +19,42 @@ class ScanMachine:
 
     Args:
         resource: of the program, at its cold start; all its tasks are released in every scan.
-        inputs: where the plant's readings go, in the order of the values given to `scan`.
+        inputs: where the plant's readings go, in the order of the values given to `image`.
         kept: the bytes of memory that matter, by offset; all if None.
 
     Raises:
-        PlcemuError: tasks have events or different intervals.
+        PlcemuError: tasks have events or different intervals, or an input is not there.
     """
 
     def __init__(self, resource: Resource, inputs: Sequence[Point] = (),
                  kept: Iterable[int] | None = None) -> None:
         program = resource.program
         self.resource = resource
-        self._block = resource.memory.block
+        self._block = resource.engine.block
         self._code = resource.engine.prepare(_simple_runs(program, resource))
-        self._writes = [_place(program, point) for point in inputs]
+        self._places = [_place(program, point) for point in inputs]
+        self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
         self.has_clocks = any(c.observed for c in program.layout.clocks)
-        mask = bytes(self._size) if kept is not None else b"\xff" * self._size
-        self._mask = int.from_bytes(_marked(mask, kept or ()), "little")
+        self._mask = mask_of(self._size, kept)
         rest = ~self._mask & ((1 << 8 * self._size) - 1)
         self._rest = int.from_bytes(self.initial, "little") & rest
         self.scans = 0
         """Scans executed so far."""
 
-    def reduced(self, memory: bytes | bytearray) -> bytes:
+    def reduced(self, memory: Block | bytes) -> bytes:
         """Return memory with everything that does not matter at its initial value."""
         number = int.from_bytes(memory, "little") & self._mask | self._rest
         return number.to_bytes(self._size, "little")
 
-    def scan(self, memory: bytes, inputs: Sequence[bytes], elapsed_ns: int = 0) -> bytes:
+    def image(self, raw: Sequence[bytes]) -> list[tuple[slice, bytes]]:
+        """Return the inputs' raw values, little-endian, as stretches of memory to be written."""
+        return [(place, b"".join([raw[n] for n in numbers]))
+                for place, numbers in self._stretches]
+
+    def scan(self, memory: bytes, image: Sequence[tuple[slice, bytes]],
+             elapsed_ns: int = 0) -> bytes:
         """Return memory after one scan: latch the inputs, let time pass, run the tasks.
 
         Raises:
@@ -56,11 +62,34 @@ class ScanMachine:
         """
         block = self._block
         block[:] = memory
-        for place, raw in zip(self._writes, inputs, strict=True):
-            block[place:place + len(raw)] = raw
+        for stretch, data in image:
+            block[stretch] = data
         self._code.repeat(1, elapsed_ns)
         self.scans += 1
-        return self.reduced(bytes(block))
+        return bytes(block)
+
+
+def mask_of(size: int, offsets: Iterable[int] | None) -> int:
+    """Return bytes of a block, by offset, as a mask of the block read as one number."""
+    mask = bytearray(size if offsets is not None else b"\xff" * size)
+    for offset in offsets or ():
+        mask[offset] = 0xFF
+    return int.from_bytes(mask, "little")
+
+
+def _stretches(places: Iterable[tuple[int, int]]) -> list[tuple[slice, list[int]]]:
+    """Return the fewest slices that cover places given as (offset, width), and nothing else.
+
+    Each comes with the numbers of its places in order.
+    """
+    merged: list[tuple[slice, list[int]]] = []
+    for (start, width), number in sorted((place, n) for n, place in enumerate(places)):
+        if merged and merged[-1][0].stop == start:
+            before, numbers = merged.pop()
+            merged.append((slice(before.start, start + width), [*numbers, number]))
+        else:
+            merged.append((slice(start, start + width), [number]))
+    return merged
 
 
 def _simple_runs(program: Program, resource: Resource) -> list[tuple[str, int]]:
@@ -88,10 +117,3 @@ def place_of(program: Program, point: Point) -> int | None:
         if extent.area == area and extent.first <= index < extent.first + extent.count:
             return extent.offset + (index - extent.first) * point.width
     return None
-
-
-def _marked(mask: bytes, kept: Iterable[int]) -> bytes:
-    marked = bytearray(mask)
-    for offset in kept:
-        marked[offset] = 0xFF
-    return bytes(marked)

@@ -5,15 +5,18 @@ It is a trace as well, so that the online monitors judge it and every recorder c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import json
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any
 
 from plcemu.base.trace import Change, Frame, Trace
 from plcemu.base.types import Value
+from plcemu.io.mapping import Point
 from plcemu.verify.check import StateGraph
 from plcemu.verify.fair import Lasso, Step
-from plcemu.verify.loop import ClosedLoop, Scan
+from plcemu.verify.loop import ClosedLoop
 from plcemu.verify.predicates import Predicates
 
 
@@ -59,10 +62,11 @@ class Path:
         """Return it as plain values, times in s."""
         rows = [{"scan": r.scan, "t_s": r.scan * self.cycle_ns / 1e9, "action": r.action,
                  "changes": r.changes} for r in self.rows if r.changes or r.action]
-        return {"initial": self.start, "scans": len(self.rows), "rows": rows,
+        return {"initial": self.start, "scans": len(self.rows),
+                "ends_at_s": self.ends_at_ns / 1e9, "rows": rows,
                 "repeats_from_scan": self.repeats_from, "fault": self.fault}
 
-    def lines(self, known: Mapping[str, Value] | None = None) -> list[str]:
+    def lines(self) -> list[str]:
         """Return it as text, a line for each scan that changed something."""
         text = [f"  from a cold start, {self.start}:"]
         for row in self.rows:
@@ -73,12 +77,36 @@ class Path:
             if row.action:
                 text.append(f"  {'':>6}  {row.action}")
             if row.changes:
-                told = ", ".join(f"{tag.partition('.')[2] or tag} = {_shown(value)}"
+                told = ", ".join(f"{_short(tag)} = {_shown(value)}"
                                  for tag, value in row.changes.items())
                 text.append(f"  {row.scan:>6}  {told}")
         if self.fault:
             text.append(f"  {'':>6}  FAULT: {self.fault}")
         return text
+
+    @property
+    def ends_at_ns(self) -> int:
+        """The instant of the last scan; there the monitors decide an invariant."""
+        return (len(self.rows) - 1) * self.cycle_ns
+
+    def scenario(self, description: str, points: Sequence[Point]) -> str:
+        """Return the inputs as a scenario file, which `simulate --no-plant` plays.
+
+        Args:
+            description: what the file says of itself.
+            points: where the inputs stand.
+        """
+        lines = [f"description: {json.dumps(description)}", "steps:"]
+        before: dict[str, int] = {}
+        for row in self.rows:
+            written = {str(p.address): replace(p, scale=Fraction(1)).to_value(row.inputs[p.name])
+                       for p in points if row.inputs[p.name] != before.get(p.name)}
+            before = row.inputs
+            if written:
+                values = ", ".join(f'"{address}": {_yaml(v)}' for address, v in written.items())
+                note = f"  # {row.action}" if row.action else ""
+                lines.append(f"  - {{t_ns: {row.scan * self.cycle_ns}, set: {{{values}}}}}{note}")
+        return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
         """Return it as a trace with one frame a scan; the first one holds every tag."""
@@ -89,8 +117,17 @@ class Path:
                 (i, v) for i, v in enumerate(row.values) if not before or before[i] != v)
             trace.observe(Frame(row.scan * self.cycle_ns, row.scan, changes))
             before = row.values
-        trace.end_ns = (len(self.rows) - 1) * self.cycle_ns
+        trace.end_ns = self.ends_at_ns
         return trace
+
+
+def _yaml(value: bool | float) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(round(value))
+
+
+def _short(tag: str) -> str:
+    """Return a tag without its program's name, as properties write it."""
+    return tag if tag.startswith("plant.") else tag.partition(".")[2] or tag
 
 
 def _shown(value: Value) -> str:
@@ -133,7 +170,7 @@ class _Writer:
         self.loop, self.predicates = loop, predicates
         self.rows: list[Row] = []
         self.before: tuple[Value, ...] = ()
-        self.last: list[Scan] = []
+        self.last: list[tuple[bytes, Hashable]] = []
         self.names = [tag.name for tag in predicates.tags]
         self.shown = [tag.type != "TIME" for tag in predicates.tags]
 
@@ -142,21 +179,21 @@ class _Writer:
         self.take(str(step.action), scans)
         return step.target
 
-    def take(self, action: str, scans: list[Scan]) -> None:
+    def take(self, action: str, scans: list[tuple[bytes, Hashable]]) -> None:
         self.last = scans
-        for n, scan in enumerate(scans):
-            values = tuple(self.predicates.values(scan.memory, self.loop.facts(scan.plant)))
+        for n, (memory, plant) in enumerate(scans):
+            values = tuple(self.predicates.values(memory, self.loop.facts(plant)))
             changes = {name: now for name, now, shown, old in
                        zip(self.names, values, self.shown, self.before or _initial(values),
                            strict=True) if shown and now != old}
             self.rows.append(Row(len(self.rows), action if n == 0 else "", changes,
-                                 self.loop.raw_inputs(scan.plant), values))
+                                 self.loop.raw_inputs(plant), values))
             self.before = values
 
     def cut(self, watched: int) -> None:
         """Drop the scans of the last step after the first one in which a formula holds."""
-        for n, scan in enumerate(self.last):
-            if self.loop.watch(scan.memory, self.loop.facts(scan.plant)) >> watched & 1:
+        for n, (memory, plant) in enumerate(self.last):
+            if self.loop.watch(memory, self.loop.facts(plant)) >> watched & 1:
                 del self.rows[len(self.rows) - len(self.last) + n + 1:]
                 return
 

@@ -118,14 +118,15 @@ class Prover:
         self.checks: list[Check] = [check_for(p.formula) for p in self.properties]
         watched: list[Formula] = [f for c in self.checks for f in c.watched]
         formulas = watched + [f for c in self.checks for f in c.tested]
-        asked = self.predicates.bytes_of(formulas)
+        looked_at = self.predicates.bytes_of(formulas)
+        asked = set(looked_at)
         for point in outputs:
             at = place_of(program, point)
             asked.update(range(at, at + point.width) if at is not None else ())
         kept = cone_of(program, asked)
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
-                               self.predicates.mask(formulas), (1 << len(watched)) - 1, merge,
-                               cycle_ns)
+                               self.predicates.mask(formulas), looked_at,
+                               (1 << len(watched)) - 1, merge, cycle_ns)
         self.cuts = self._cuts(kept, merge)
 
     def _cuts(self, kept: frozenset[int] | None, merge: Merge) -> list[str]:
@@ -183,7 +184,7 @@ class Prover:
         """Return the verdict for each initial state: violated where a bad state can be reached."""
         if len(self.loop.origins) < 2 or finding.bad is None or not graph.complete:
             return {}
-        reached = backwards(graph, finding.bad)
+        reached = backwards(graph, finding.bad) if finding.bad else set()
         return {self.loop.plant.name_of(origin): VIOLATED if n in reached else HOLDS
                 for origin, n in self.loop.starts(graph.number)}
 

@@ -13,6 +13,7 @@ S = TypeVar("S", bound=Hashable)
 A = TypeVar("A", bound=Hashable)
 _S = TypeVar("_S", bound=Hashable, contravariant=True)
 _A = TypeVar("_A", bound=Hashable, contravariant=True)
+_Out = TypeVar("_Out", bound=Hashable, covariant=True)
 
 
 class TransitionSystem(Protocol[S, A]):
@@ -42,8 +43,31 @@ class Fair(Protocol[_S, _A]):
         """What of the pending an action brings about."""
 
 
-class Timed(TransitionSystem[S, A], Protocol[S, A]):
-    """A transition system whose actions take time and may produce something."""
+class Move(Protocol[_Out]):
+    """What may happen in a state of a timed system: how long it takes, and what it leads to."""
 
-    def cost(self, state: S, action: A) -> tuple[int, int]:
-        """How long an action takes, in whole units of time, and how much it produces."""
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """What starts at its beginning, by name."""
+
+    @property
+    def units(self) -> int:
+        """How long it takes, in whole units of time; at least 1."""
+
+    @property
+    def batches(self) -> int:
+        """How much it produces; it counts at the move's beginning."""
+
+    @property
+    def after(self) -> _Out:
+        """The state it leads to."""
+
+
+class Timed(Protocol[S]):
+    """A transition system whose moves take time and produce something."""
+
+    def initial(self) -> Sequence[S]:
+        """The states that a run may begin in."""
+
+    def moves(self, state: S) -> Sequence[Move[S]]:
+        """All moves of a state; none where nothing can happen any more."""

@@ -155,6 +155,12 @@ def test_several_resources_run_as_one_with_a_warning():
     assert codes(inside) == ["P0090"]
 
 
+def test_a_task_called_as_the_default_one_stands_beside_it():
+    controller = Controller(text("TASK main(INTERVAL := T#20ms); PROGRAM one WITH main : MAIN; "
+                                 "PROGRAM two : MAIN;")).scan(4)
+    assert (controller["one.n"], controller["two.n"]) == (2, 4)
+
+
 def test_a_second_configuration_is_told():
     assert [f[-5:] for f in findings(text("PROGRAM p : MAIN;")
                                      + "\nCONFIGURATION D PROGRAM q : MAIN; END_CONFIGURATION")] \

@@ -253,4 +253,10 @@ def test_the_json_of_a_result_has_the_promised_keys() -> None:
                       "blamed": {"MAIN.heater": True, "MAIN.malf": True},
                       "recent": [{"t_s": 0.0, "tag": "MAIN.malf", "value": False},
                                  {"t_s": 0.0, "tag": "MAIN.heater", "value": True},
-                                 {"t_s": 10.0, "tag": "MAIN.malf", "value": True}]}}
+                                 {"t_s": 10.0, "tag": "MAIN.malf", "value": True}],
+                      "scans": [{"scan": 0, "t_s": 0.0, "changes": {
+                                    "MAIN.malf": "FALSE", "MAIN.heater": "TRUE"}},
+                                {"scan": 1, "t_s": 10.0, "changes": {"MAIN.malf": "TRUE"}}],
+                      "table": "scan  t    MAIN.malf  MAIN.heater\n"
+                               "0     0s   FALSE      TRUE\n"
+                               "1     10s  TRUE"}}

@@ -44,17 +44,16 @@ def test_the_next_change_of_a_quotient_is_the_first_ns_with_another_count(
 ) -> None:
     lines = {"a": a, "b": b}
     reading = Reading(*RATIO, rounding, low=0, high=20, undefined=7)
-    count = reading.count(lines, 0)
-    change_ns = reading.next_change_ns(lines, 0, count)
+    count, change_ns = reading.read(lines, 0)
     end_ns = min(change_ns, 400)
-    assert all(reading.count(lines, t_ns) == count for t_ns in range(end_ns))
-    assert change_ns == NEVER_NS or reading.count(lines, change_ns) != count
+    assert all(reading.read(lines, t_ns)[0] == count for t_ns in range(end_ns))
+    assert change_ns == NEVER_NS or reading.read(lines, change_ns)[0] != count
 
 
 @pytest.mark.parametrize(("value", "count"), [(0, 0), (1, 1), (10, 1), (11, 2), (20, 2)])
 def test_a_ceiling_reads_k_above_k_minus_one_and_up_to_k(value: int, count: int) -> None:
     reading = Reading(Form((("a", 1),)), Form((), 10), Rounding.CEILING, low=0, high=99)
-    assert reading.count({"a": Line(value)}, 0) == count
+    assert reading.read({"a": Line(value)}, 0)[0] == count
 
 
 def test_a_float_is_taken_as_the_decimal_it_was_written_as() -> None:

@@ -75,7 +75,8 @@ class Run:
     def told(self) -> list[object]:
         """Return all that may be known of the run."""
         return [self.trace.frames, self.resource.snapshot(), self.cycle.values(),
-                self.cycle.scan_number, self.cycle.t_ns, self.cycle.suite.results()]
+                self.cycle.scan_number, self.cycle.t_ns,
+                [result.as_json() for result in self.cycle.suite.results()]]
 
 
 def both(program: Program, tasks: Sequence[Task], script: Sequence[tuple[int, str, bool]],

@@ -22,9 +22,11 @@ PATIENCE_S = 30.0
 class Command:
     """A running `plcemu` command; as a context manager it never outlives its block."""
 
+    BEGIN: tuple[str, ...] = ("-m", "plcemu")
+
     def __init__(self, *arguments: object, **environment: str) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "plcemu", *map(str, arguments)], text=True, errors="replace",
+            [sys.executable, *self.BEGIN, *map(str, arguments)], text=True, errors="replace",
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, **environment})
         self.log: list[str] = []
         self._out: list[str] = []
@@ -98,6 +100,12 @@ class Command:
         self._end()
         out = "".join(self._out)
         return self._process.returncode, json.loads(out) if out else None
+
+
+class Python(Command):
+    """A running Python program: a script or `-m module` with its arguments."""
+
+    BEGIN = ()
 
 
 def _gather(stream: Iterator[str], lines: list[str]) -> None:
