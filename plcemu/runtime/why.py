@@ -391,9 +391,16 @@ class Why:
         if writers:
             return "input", f"written by {writers[-1]}" + (f" at {address}" if address else "")
         if address.startswith("%I"):
-            source = "the plant" if self._bench.plant is not None else "outside"
-            return "input", f"input {address}, written by {source}"
+            return "input", f"written by {self._driver(scan, address)} at {address}"
         return "restart", LEAVES["restart"]
+
+    def _driver(self, scan: int, address: str) -> str:
+        """Return who drives an input that no client wrote: the plant, or a scenario."""
+        plant = self._bench.plant
+        if plant is not None and any(str(point.address).upper() == address.upper()
+                                     for point in plant.coupling.inputs):
+            return "the plant"
+        return ", ".join(sorted(self._past.writers(scan) - {"plant"})) or "outside"
 
     def _address(self, access: Access) -> str:
         return self._memory.tags[access.name].address if access.name in self._memory.tags else ""
@@ -479,6 +486,10 @@ class _Past:
     def forces(self, scan: int) -> dict[int, bytes]:
         """Return the forces in a scan."""
         return self._scan(scan).forces
+
+    def writers(self, scan: int) -> set[str]:
+        """Return the names of those whose writes to inputs a scan latched."""
+        return self._scan(scan).writers
 
     def state(self, scan: int) -> State:
         """Return the PLC's state after a scan."""
@@ -567,7 +578,7 @@ class _Past:
         finally:
             resource.probe = probing
         return _Scan(trace, before, resource.memory.snapshot(), self._bench.exchange.forces,
-                     resource.state)
+                     resource.state, set(self._bench.exchange.writers))
 
 
 @dataclass(slots=True)
@@ -579,4 +590,5 @@ class _Scan:
     after: bytes
     forces: dict[int, bytes]
     state: State
+    writers: set[str]
     reads: dict[int, Reads] | None = None
