@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
 from plcemu.base.errors import PlcemuError, TraceFormatError
+from plcemu.base.foreign import Reading, Table, read_table, renamed
 from plcemu.base.tags import Tag, TagTable
 from plcemu.base.trace import Frame, Trace
 from plcemu.base.types import Value
@@ -29,6 +30,10 @@ class Format:
 
     write: Callable[[Trace, TextIO], None]
     read: Callable[[Path], Trace]
+
+
+HISTORY_ENDING = ".sqlite"
+"""What the names of the historian's files end in (`plcemu.base.historyfile`)."""
 
 
 def save(trace: Trace, path: str | Path) -> None:
@@ -43,8 +48,12 @@ def save(trace: Trace, path: str | Path) -> None:
         form.write(trace, file)
 
 
-def load(path: str | Path) -> Trace:
-    """Read a trace; the ending of the name says how.
+def load(path: str | Path, reading: Reading = Reading()) -> Trace:  # noqa: B008
+    """Read a trace; the ending of the name says how. A historian's file ends in `.sqlite`.
+
+    Args:
+        path: the file.
+        reading: how a file of another tool is read.
 
     Raises:
         PlcemuError: the ending is unknown.
@@ -53,11 +62,24 @@ def load(path: str | Path) -> Trace:
     """
     path = Path(path)
     try:
-        return _format_of(path).read(path)
+        return renamed(_read(path, reading), reading.names)
     except UnicodeDecodeError as error:
         raise wrong(path, 1, f"bytes that are no UTF-8 ({error.reason})", "text") from None
     except csv.Error as error:
         raise wrong(path, 1, f"no table ({error})", "values and commas") from None
+
+
+def _read(path: Path, reading: Reading) -> Trace:
+    if path.suffix.lower() == HISTORY_ENDING:
+        # SQLite is wanted only by those who read such a file.
+        from plcemu.base import historyfile
+
+        return historyfile.read(path, reading.run)
+    form = _format_of(path)
+    if path.suffix.lower() == ".csv" and (reading.time, reading.unit, reading.delimiter) != \
+            (None, None, None):
+        return _of_table(path, read_table(path, reading))
+    return form.read(path)
 
 
 def wrong(path: Path, line: int, found: str, expected: str) -> TraceFormatError:
@@ -69,7 +91,7 @@ def _format_of(path: Path) -> Format:
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise PlcemuError(f"{path}: found {f'the ending {ending!r}' if ending else 'no ending'}, "
-                          f"expected one of {', '.join(FORMATS)}")
+                          f"expected one of {', '.join(FORMATS)}, or {HISTORY_ENDING}")
     return FORMATS[ending]
 
 
@@ -103,7 +125,7 @@ def _read_csv(path: Path) -> Trace:
         lines = csv.reader(file)
         header = next(lines, [])
         if not header or header[0].strip() != "t_ns":
-            raise wrong(path, 1, repr(",".join(header)), "the header t_ns,tag,tag,...")
+            return _of_table(path, read_table(path, Reading()))
         for row in lines:
             if not row:
                 continue
@@ -116,6 +138,15 @@ def _read_csv(path: Path) -> Trace:
                          zip(header[1:], columns, strict=True)])
     return _trace(tags, zip(times, zip(*(values for _, values in columns), strict=True)
                             if columns else [()] * len(times), strict=True))
+
+
+def _of_table(path: Path, table: Table) -> Trace:
+    """Return the trace in a table of another tool."""
+    columns = [_column([row[i] for row in table.rows], _WORDS) for i in range(len(table.names))]
+    tags = _table(path, [Tag(name, type_) for name, (type_, _) in
+                         zip(table.names, columns, strict=True)])
+    return _trace(tags, zip(table.times, zip(*(values for _, values in columns), strict=True)
+                            if columns else [()] * len(table.times), strict=True))
 
 
 def _instant(path: Path, line: int, text: str, before: list[int]) -> int:
@@ -138,9 +169,16 @@ _READERS: tuple[tuple[str, Callable[[str], Value]], ...] = (
 )
 
 
-def _column(texts: list[str]) -> tuple[str, list[Value | None]]:
+_WORDS: tuple[tuple[str, Callable[[str], Value]], ...] = (
+    ("BOOL", lambda text: {"0": False, "1": True, "false": False, "true": True}[text.casefold()]),
+    *_READERS[1:])
+"""Of other tools' tables, in which Booleans may be words."""
+
+
+def _column(texts: list[str], readers: Sequence[tuple[str, Callable[[str], Value]]] = _READERS
+            ) -> tuple[str, list[Value | None]]:
     """Return the first type that reads every text of a column, and the values; empty is none."""
-    for name, read in _READERS:
+    for name, read in readers:
         try:
             return name, [read(t) if t or name == "STRING" else None for t in texts]
         except (KeyError, ValueError):

@@ -2,9 +2,10 @@
 
 BOOL is a wire, signed whole numbers, times and dates are 64-bit integers in two's complement,
 unsigned ones and bit strings are registers of their width, floats are reals, and texts are the
-strings that GTKWave knows. Only these classes read back, as BOOL, LINT, ULINT, LREAL and STRING.
-A value that is not known is `x`; of a real it is NaN and of a text it is empty, and so they read
-back.
+strings that GTKWave knows. Only these classes read back: BOOL, LINT, ULINT, LREAL and STRING.
+Instants of finer timescales are rounded down to whole ns; of what changes within one, the last
+value counts. A value that is not known is `x`; of a real it is NaN and of a text it is empty, and
+so they read back.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def read(path: Path) -> Trace:
     """Read a value change dump.
 
     Raises:
-        TraceFormatError: the file is malformed, or an instant is not a whole number of ns.
+        TraceFormatError: the file is malformed.
     """
     reader = _Reader(path)
     with path.open("rb") as file:
@@ -165,14 +166,12 @@ class _Reader:
 
     def move(self, ticks: int) -> None:
         """Go on to a later instant."""
-        t_ns = ticks * self.scale_ns
-        if t_ns.denominator != 1:
-            raise self.wrong(self.line, f"the instant #{ticks}", "a whole number of ns")
+        t_ns = int(ticks * self.scale_ns)
         if t_ns < self.t_ns:
             raise self.wrong(self.line, f"the instant {t_ns} ns", f"one from {self.t_ns} ns on")
         if t_ns > self.t_ns:
             self.flush()
-        self.t_ns = int(t_ns)
+        self.t_ns = t_ns
 
     def change(self, data: Any) -> None:
         if data.id_code not in self.indices:

@@ -19,7 +19,7 @@ from plcemu.base.errors import CompileError, ConfigError, PlcemuError
 from plcemu.cli.output import print_json
 
 COMMANDS = ("check", "run", "control", "simulate", "plant", "monitor", "verify", "schedule",
-            "reach", "sweep", "debug")
+            "reach", "sweep", "debug", "why", "history")
 """Each is a module beside this one, with `HELP`, `add_arguments(parser)` and
 `execute(arguments) -> exit code`. Only that of the given command is loaded: a daemon that was
 killed is back sooner."""

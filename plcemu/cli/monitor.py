@@ -9,9 +9,15 @@ from pathlib import Path
 from plcemu.base.errors import ConfigError, PlcemuError
 from plcemu.base.tracefile import load, save
 from plcemu.cli.output import console, print_json, print_stories, properties_table
+from plcemu.cli.traces import add_reading_arguments, reading_of
 from plcemu.monitor import Result, judge, load_properties
 
-HELP = "judge a recorded trace (.csv, .jsonl, .vcd) by the properties of a .prop file"
+HELP = ("judge a recorded trace (.csv, .jsonl, .vcd, or a historian's .sqlite) by the properties "
+        "of a .prop file")
+EPILOG = """examples:
+  plcemu monitor run.vcd properties.prop
+  plcemu monitor scope.csv properties.prop --time 'Time [ms]' --unit ms --rename CH1=MAIN.pump
+  plcemu monitor history.sqlite properties.prop --run 3"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("properties", metavar="PROPERTIES", type=Path, help="a .prop file")
     parser.add_argument("--excerpts", metavar="FOLDER", type=Path,
                         help="write the last frames before each violation to FOLDER/NAME.jsonl")
+    add_reading_arguments(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -27,7 +34,8 @@ def execute(arguments: argparse.Namespace) -> int:
     for path in (arguments.trace, arguments.properties):
         if not path.is_file():
             raise ConfigError([f"{path}: there is no such file"])
-    results = judge(load(arguments.trace), load_properties(arguments.properties))
+    results = judge(load(arguments.trace, reading_of(arguments)),
+                    load_properties(arguments.properties))
     rows = [r.as_json() for r in results]
     if arguments.excerpts is not None:
         _save_excerpts(results, arguments.excerpts)

@@ -187,6 +187,10 @@ def print_report(report: Mapping[str, Any]) -> None:
         out.print(properties_table(report["properties"], out.width))
         for entry in report["properties"]:
             _print_violation(out, entry)
+    for alarm in report.get("alarms", ()):
+        if alarm["state"] != "normal":
+            out.print(f"alarm {alarm['name']} ({alarm['severity']}): {alarm['state']}, raised at "
+                      f"{alarm['raised_s']:g} s: {alarm['text']}")
     for line in _plant_lines(report.get("plant") or {}):
         out.print(line)
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from plcemu.base.errors import PlcemuError
 from plcemu.base.trace import Trace
@@ -14,7 +11,6 @@ from plcemu.base.tracefile import FORMATS, save
 from plcemu.cli.output import (
     add_config_arguments,
     add_scenario_arguments,
-    console,
     duration,
     failed,
     print_json,
@@ -22,6 +18,7 @@ from plcemu.cli.output import (
     scenario_of,
     show_warnings,
 )
+from plcemu.cli.progress import run_with_progress
 from plcemu.runtime.config import load_config
 from plcemu.runtime.plot import check_plot, panels_of, save_plot
 from plcemu.runtime.report import save_report
@@ -31,9 +28,6 @@ HELP = "run PLC, plant and monitors in virtual time, as fast as the machine can"
 EPILOG = """examples:
   plcemu simulate il_programs/batch_plant --set load=3 --until 40000s --trace run.vcd
   plcemu simulate il_programs/batch_plant --fault 'V8 stuck at 100s' --until 4000s"""
-
-LAPS_SHOWN = 100
-"""Laps between two looks at the progress bar, which cost more than a lap."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +63,8 @@ def execute(arguments: argparse.Namespace) -> int:
         only_page = arguments.trace is None and arguments.plot is None
         (system.cycle.state_observers if only_page else system.cycle.observers).append(trace)
     panels = panels_of(Trace(system.cycle.tags), system.config.plot)
-    _run(system, arguments.until, arguments.dense)
+    run_with_progress(system.cycle, arguments.until, arguments.dense)
+    system.close()
     report = system.report()
     if trace is not None:
         trace.end_ns = system.cycle.end_ns
@@ -96,23 +91,3 @@ def _check_files(trace: Path | None, report: Path | None, plot: Path | None) -> 
     for path in (trace, report, plot):
         if path is not None and (path.is_dir() or not path.parent.is_dir()):
             raise PlcemuError(f"{path}: cannot be written: it is a folder, or in no folder")
-
-
-def _run(system: System, until_ns: int, dense: bool) -> None:
-    """Run with a progress bar on a terminal."""
-    if not (sys.stderr.isatty() and until_ns):
-        system.cycle.run_virtual(until_ns, dense=dense)
-        return
-    columns = (TextColumn("simulating"), BarColumn(),
-               TextColumn("{task.completed:.0f} / {task.total:.0f} s"), TimeRemainingColumn())
-    with Progress(*columns, console=console(to_stderr=True), transient=True) as progress:
-        bar = progress.add_task("", total=until_ns / 1e9)
-        laps = 0
-
-        def on_progress(t_ns: int) -> None:
-            nonlocal laps
-            laps += 1
-            if laps % LAPS_SHOWN == 0:
-                progress.update(bar, completed=t_ns / 1e9)
-
-        system.cycle.run_virtual(until_ns, on_progress, dense)

@@ -91,6 +91,19 @@ class Suites:
             members.append(_Member(plan.fresh, plan.tags, list(plan.restarted)))
         self._members, self.properties, self.tags = members, plan.properties, plan.tags
 
+    def restart(self, name: str, frame: Frame) -> None:
+        """Judge a property anew, from a frame on that holds every tag; without it, do nothing."""
+        found = next((p for p in self.properties if p.name == name), None)
+        if found is None:  # an edited program has another list
+            return
+        for member in self._members:
+            if name in member.names:
+                member.names = [each for each in member.names if each != name]
+                member.suite.keep_only(member.names)
+        fresh = _Member(Suite([found], self.tags), self.tags, [name])
+        fresh.suite.observe(frame)
+        self._members = [*(m for m in self._members if m.names), fresh]
+
     @property
     def reads(self) -> frozenset[int]:
         """The indices of the tags that the properties read."""

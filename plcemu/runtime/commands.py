@@ -12,6 +12,7 @@ from plcemu.base.errors import PlcemuError, UnknownNameError, did_you_mean
 from plcemu.base.types import StringType, Value, type_of
 from plcemu.engine.resource import State
 from plcemu.runtime.access import TagAccess
+from plcemu.runtime.alarms import AlarmState
 
 if TYPE_CHECKING:
     from plcemu.runtime.daemon import Daemon
@@ -46,6 +47,8 @@ COMMANDS: dict[str, Command] = {
     "start": Command("go to RUN with memory as it is"),
     "restart": Command("begin anew; warm keeps the retained variables, cold nothing",
                        options=(("mode", ("warm", "cold")),)),
+    "alarms": Command("the alarms that are not normal", takes_effect=False),
+    "ack": Command("acknowledge an alarm; its property is judged anew", ("name",)),
     "reload": Command("load the program anew and go on with it (online change)",
                       takes_effect=False),
     "commit": Command("put the retained variables on the disk now", takes_effect=False),
@@ -151,6 +154,15 @@ class Commands:
         if server is not None:
             answer["modbus"] = {"host": server.host, "port": server.port, **server.counters}
         return answer
+
+    def _alarms(self) -> Answer:
+        alarms = self._daemon.system.reactions.alarms
+        return {"alarms": [alarm.as_json() for alarm in alarms
+                           if alarm.state is not AlarmState.NORMAL]}
+
+    def _ack(self, name: str) -> Answer:
+        self._daemon.system.reactions.acknowledge(name)
+        return {}
 
     async def _reload(self) -> Answer:
         report = await self._daemon.reload()

@@ -254,6 +254,45 @@ class ControlSection(Section):
     socket: str | None = None
 
 
+class HistorianSection(Section):
+    """The recorder on disk."""
+
+    file: str | None = None
+    tags: Texts = []
+    keep: PositiveDuration | None = None
+    megabytes: int | None = Field(default=1000, ge=1)
+    interval: PositiveDuration = 1_000_000_000
+    ring: int = Field(default=10_000, ge=1, le=10_000_000)
+
+
+class AlarmSection(Section):
+    """An alarm that a violated property raises."""
+
+    severity: Literal["low", "medium", "high", "critical"] = "high"
+    text: str = ""
+
+
+class RecordSection(Section):
+    """A recording around a violation."""
+
+    before: Duration = 5_000_000_000
+    after: Duration = 5_000_000_000
+    file: str = "{property}-{t}.vcd"
+
+
+def _alarm(value: object) -> object:
+    return {} if value is True else {"severity": value} if isinstance(value, str) else value
+
+
+class ReactionSection(Section):
+    """What follows when a property is violated."""
+
+    set: dict[str, Number] = {}
+    alarm: Annotated[AlarmSection, BeforeValidator(_alarm)] | None = None
+    stop: bool = False
+    record: RecordSection | None = None
+
+
 def _point(value: object) -> object:
     return {"address": value} if isinstance(value, str) else value
 
@@ -353,6 +392,8 @@ class Config(Section):
     plot: dict[str, Texts] = {}
     retain: RetainSection = RetainSection()
     control: ControlSection = ControlSection()
+    historian: HistorianSection = HistorianSection()
+    reactions: dict[str, ReactionSection] = {}
     verify: VerifySection = VerifySection()
     reach: ReachSection = ReachSection()
 
@@ -462,7 +503,7 @@ def load_config(path: str | Path | None, overrides: Sequence[str] = ()) -> Confi
 
 
 _PATH_KEYS: tuple[KeyPath, ...] = (("program",), ("properties",), ("verify", "properties"))
-_FILE_KEYS = (("retain", "file"), ("control", "socket"))
+_FILE_KEYS = (("retain", "file"), ("control", "socket"), ("historian", "file"))
 
 
 def _find_beside(values: dict[str, Any], key: KeyPath, folder: Path) -> None:
@@ -486,6 +527,7 @@ def _read(file: Path, extended: tuple[Path, ...]) -> tuple[dict[str, Any], dict[
         if isinstance(section, dict) and isinstance(section.get(key), str):
             section[key] = str(file.parent / section[key])
     _place_plant(values.get("plant"), file.parent)
+    _place_recordings(values.get("reactions"), file.parent)
     if "extends" not in values:
         return values, places
     base, where = values.pop("extends"), places.pop(("extends",))
@@ -513,6 +555,15 @@ def _place_plant(plant: Any, folder: Path) -> None:
         plant["model"] = str(folder / model)
     if isinstance(scenario, str):
         plant["scenario"] = str(folder / scenario)
+
+
+def _place_recordings(reactions: Any, folder: Path) -> None:
+    """Let the files of recordings be relative to the configuration's folder."""
+    for reaction in reactions.values() if isinstance(reactions, dict) else ():
+        record = reaction.get("record") if isinstance(reaction, dict) else None
+        if isinstance(record, dict):
+            name = record.get("file", RecordSection().file)
+            record["file"] = str(folder / name) if isinstance(name, str) else name
 
 
 def _as_list(value: Any) -> list[Any]:
@@ -675,6 +726,10 @@ _SECTIONS: Mapping[KeyPath, type[Section]] = {
     ("plant", "outputs", "*"): OutputSection,
     ("retain",): RetainSection,
     ("control",): ControlSection,
+    ("historian",): HistorianSection,
+    ("reactions", "*"): ReactionSection,
+    ("reactions", "*", "alarm"): AlarmSection,
+    ("reactions", "*", "record"): RecordSection,
     ("plant", "devices", "*"): DeviceSection,
     ("realtime",): RealtimeSection,
     ("verify",): VerifySection,

@@ -27,6 +27,8 @@ from plcemu.monitor.parse import Property
 from plcemu.monitor.suites import Succession, Suites
 from plcemu.runtime.local_plant import Checkpoint as PlantCheckpoint
 from plcemu.runtime.local_plant import LocalPlant
+from plcemu.runtime.reactions import Checkpoint as ReactionsCheckpoint
+from plcemu.runtime.reactions import Reactions
 from plcemu.runtime.status import CycleCounters, Source, StateTags, TaskTags, VerdictTags
 
 
@@ -74,6 +76,7 @@ class Checkpoint:
     plant: PlantCheckpoint | None
     played: int
     suite: Suites
+    reactions: ReactionsCheckpoint | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +138,7 @@ class Cycle:
         self.observers: list[Observer] = []
         self.state_observers: list[Observer] = []
         self.recorder: Recorder | None = None
+        self.reactions: Reactions | None = None
         self._further = tuple(sources)
         self._own = self._own_tags(resource, properties)
         self.tags = _all_tags(resource, self._own.every)
@@ -205,7 +209,12 @@ class Cycle:
         self._at_boundary(self.resource.stop)
 
     def resume(self) -> None:
-        """Go from STOP or FAULT to RUN at the next scan boundary, with memory as it is."""
+        """Go from STOP or FAULT to RUN at the next scan boundary, with memory as it is.
+
+        Raises:
+            InterlockError: a reaction stopped the PLC, and its alarm is not acknowledged.
+        """
+        self._check_may_run()
         self._at_boundary(self.resource.resume)
 
     def restart(self, cold: bool) -> None:
@@ -213,8 +222,21 @@ class Cycle:
 
         Args:
             cold: whether retained variables get their initial values too.
+
+        Raises:
+            InterlockError: a reaction stopped the PLC, and its alarm is not acknowledged.
         """
+        self._check_may_run()
         self._at_boundary(lambda: self.resource.restart(cold))
+
+    def _check_may_run(self) -> None:
+        if self.reactions is not None:
+            self.reactions.check_may_run()
+
+    def judge_anew(self, name: str) -> None:
+        """Judge a property from now on as if the run began here, with the present values."""
+        frame = Frame(self.end_ns, max(0, self.scan_number - 1), tuple(enumerate(self.values())))
+        self.suite.restart(name, frame)
 
     def _at_boundary(self, command: Callable[[], None]) -> None:
         """Carry a command out between two laps: now, or when the lap under way has ended."""
@@ -258,6 +280,8 @@ class Cycle:
         self.resource.scan(t_ns, now_ns)
         self.exchange.update_outputs()
         self._show(t_ns)
+        if self.reactions is not None and self._commands:
+            self._obey()  # a stop: not even the plant sees what this scan put out
         if self.plant is not None:
             self.plant.after_scan()
         self.counters.laps += 1
@@ -273,6 +297,8 @@ class Cycle:
         frame = Frame(t_ns, self.scan_number, changes)
         undecided = self.suite.undecided
         self.suite.observe(frame)
+        if self.reactions is not None:
+            self.reactions.after_judging(t_ns)
         if changes or self.suite.undecided != undecided:
             verdicts = self._moved(len(self._sources), self._own.verdicts.values())
             frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
@@ -322,7 +348,8 @@ class Cycle:
             tuple(each.scans for each in self.resource.statistics), self.resource.checkpoint(),
             self.exchange.checkpoint(),
             self.plant.checkpoint() if self.plant is not None else None,
-            self.player.played if self.player is not None else 0, self.suite.copy())
+            self.player.played if self.player is not None else 0, self.suite.copy(),
+            self.reactions.checkpoint() if self.reactions is not None else None)
 
     def return_to(self, point: Checkpoint) -> None:
         """Take up a checkpoint of an equal cycle; writes that wait are forgotten."""
@@ -338,6 +365,8 @@ class Cycle:
         for each, scans in zip(self.resource.statistics, point.scans, strict=True):
             each.scans = scans
         self.suite = self._own.verdicts.suite = point.suite.copy()
+        if self.reactions is not None and point.reactions is not None:
+            self.reactions.return_to(point.reactions)
         self.tell_all()
         if point.shown is not None:
             self._started = True
@@ -361,7 +390,8 @@ class Cycle:
         before the limit is never passed over, so that all clocks stand right in the end.
         """
         resource = self.resource
-        if self.exchange.waiting or self._times_run:
+        if self.exchange.waiting or self._times_run or \
+                (self.reactions is not None and self.reactions.must_look()):
             return
         only_elapsed = not resource.is_quiet()
         if only_elapsed and (self.observers or self.recorder or self._elapsed_judged
@@ -453,6 +483,10 @@ class Cycle:
         self._own.tasks.show(end)
 
 
+_GIVING_WAY = ("resource.", "task.", "retain.", "alarm.")
+"""Beginnings of tags that give way to a program's variables of the same ending."""
+
+
 def _all_tags(resource: Resource, sources: Sequence[Source]) -> TagTable:
     """Return the tags of memory and of the sources.
 
@@ -462,8 +496,8 @@ def _all_tags(resource: Resource, sources: Sequence[Source]) -> TagTable:
         table = TagTable(resource.memory.tags)
         for source in sources:
             for tag in source.tags:
-                table.add(tag, gives_way=tag.name.startswith(("resource.", "task.", "retain.")))
+                table.add(tag, gives_way=tag.name.startswith(_GIVING_WAY))
     except ValueError as problem:
-        raise PlcemuError(f"{problem}; the names plant, resource, task, retain and monitor are "
-                          "taken, and properties need names of their own") from None
+        raise PlcemuError(f"{problem}; the names plant, resource, task, retain, alarm and "
+                          "monitor are taken, and properties need names of their own") from None
     return table

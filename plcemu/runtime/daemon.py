@@ -8,9 +8,11 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, TypeVar
 
 from plcemu.base.errors import PlcemuError
+from plcemu.base.time import NS_PER_S
 from plcemu.engine.resource import State
 from plcemu.modbus import ModbusTcpServer
 from plcemu.runtime.change import Change, ChangeReport
@@ -18,6 +20,7 @@ from plcemu.runtime.clock import RealClock
 from plcemu.runtime.commands import Commands
 from plcemu.runtime.config import Config
 from plcemu.runtime.control import ControlServer, socket_path
+from plcemu.runtime.historian import Historian, Keep, check_place
 from plcemu.runtime.notify import Notifier
 from plcemu.runtime.realtime import real_time
 from plcemu.runtime.system import System
@@ -70,6 +73,7 @@ class Daemon:
         self._cycling: asyncio.Task[None] | None = None
         self._clock: RealClock | None = None
         self._teller = _Teller(system)
+        self._historian: Historian | None = None
 
     def stop(self, why: str) -> None:
         """End the run at once, after the lap that is under way."""
@@ -97,6 +101,7 @@ class Daemon:
                 _LOG.warning("%s", problem)
         if system.not_judged:
             _LOG.info("not judged without the plant: %s", ", ".join(system.not_judged))
+        self._historian = _historian(system)
         self._catch_signals()
         settings = system.config.realtime
         try:
@@ -271,6 +276,9 @@ class Daemon:
         _LOG.info("outputs are at their safe values")
         if self.system.retention is not None:
             self.system.retention.finish(self.system.cycle.scan_number - 1)
+        if self._historian is not None:
+            await asyncio.get_running_loop().run_in_executor(None, self._historian.close)
+        self.system.close()
         if self._control is not None:
             await self._control.stop()
         if self.server is not None:
@@ -289,7 +297,27 @@ class Daemon:
             "max_lap_ms": counters.max_lap_ns / 1e6, "max_late_ms": counters.max_late_ns / 1e6}
         if self.server is not None:
             document["modbus"] = dict(self.server.counters)
+        if self._historian is not None:
+            document["historian"] = {"file": str(self._historian.path),
+                                     **self._historian.counters.as_json()}
         return document
+
+
+def _historian(system: System) -> Historian | None:
+    """Return the configured historian at work, or None.
+
+    Raises:
+        PlcemuError: its file cannot be used.
+    """
+    section = system.config.historian
+    if section.file is None:
+        return None
+    check_place(Path(section.file))
+    size = None if section.megabytes is None else section.megabytes * 1_000_000
+    historian = Historian(Path(section.file), system.config.name, lambda: system.cycle.tags,
+                          section.tags, Keep(section.keep, size), section.interval / NS_PER_S)
+    system.cycle.observers.append(historian)
+    return historian
 
 
 @contextmanager

@@ -14,7 +14,9 @@ from __future__ import annotations
 import json
 import zlib
 from array import array
+from bisect import bisect_left
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -118,8 +120,9 @@ class History:
 
     def _fixed(self) -> object:
         """Return what nobody changes between two laps, unless by more than a write."""
-        resource = self._cycle.resource
-        return resource.checkpoint(), self._cycle.exchange.forces
+        cycle = self._cycle
+        return (cycle.resource.checkpoint(), cycle.exchange.forces,
+                cycle.reactions.checkpoint() if cycle.reactions is not None else None)
 
     def _is_full(self, segment: _Segment) -> bool:
         return len(segment) >= LAPS_A_KEYFRAME or segment.size > self.limit_bytes // 4
@@ -234,6 +237,67 @@ class History:
         finally:
             cycle.observers, cycle.recorder = observers, recorder
 
+    def executed_before(self, scan: int) -> int | None:
+        """Return the last scan before another that was executed, not passed over."""
+        for segment in reversed(self._segments):
+            if segment.first_scan < scan:
+                numbers = segment.laps[1::2]
+                n = bisect_left(numbers, scan)
+                if n:
+                    return numbers[n - 1]
+        return None
+
+    def stretch(self, scan: int) -> tuple[int, int]:
+        """Return the first and the last executed scan of the keyframe that a scan goes back to.
+
+        Raises:
+            HistoryError: the scan is not in the history.
+        """
+        segment = self._segment_of(scan)
+        return segment.laps[1], segment.laps[-1]
+
+    def released_ns(self, scan: int) -> int:
+        """Return the release of an executed scan.
+
+        Raises:
+            HistoryError: it is not in the history.
+        """
+        segment = self._segment_of(scan)
+        return segment.laps[2 * bisect_left(segment.laps[1::2], scan)]
+
+    def writes_of(self, scan: int) -> tuple[Waiting, ...]:
+        """Return what clients had written for an executed scan, in order.
+
+        Raises:
+            HistoryError: it is not in the history.
+        """
+        segment = self._segment_of(scan)
+        return segment.writes.get(bisect_left(segment.laps[1::2], scan), ())
+
+    def execute(self, cycle: Cycle, first: int, last: int,
+                after_lap: Callable[[int], None] | None = None) -> None:
+        """Let a cycle of the same program execute scans as recorded, from one to another.
+
+        Both are executed scans of one stretch.
+
+        Raises:
+            HistoryError: they are not in the history.
+        """
+        segment = self._segment_of(first)
+        self.place(cycle, first)
+        observers, recorder = cycle.observers, cycle.recorder
+        cycle.observers, cycle.recorder = [], None
+        try:
+            _execute(cycle, segment, last + 1, after_lap)
+        finally:
+            cycle.observers, cycle.recorder = observers, recorder
+
+    def _segment_of(self, scan: int) -> _Segment:
+        for segment in reversed(self._segments):
+            if segment.first_scan <= scan and len(segment):
+                return segment
+        raise HistoryError(self._reach(f"scan {scan} is"))
+
     def replay(self, until_scan: int | None = None) -> None:
         """Execute the recorded laps again from here on, up to a scan or to the end of the record.
 
@@ -264,7 +328,8 @@ class History:
             self._left = self._fixed()
 
 
-def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
+def _execute(cycle: Cycle, segment: _Segment, before_scan: int,
+             after_lap: Callable[[int], None] | None = None) -> None:
     """Execute a segment's laps, from where the cycle stands up to a scan."""
     ports: dict[str, Port] = {}
     for n in range(len(segment)):
@@ -278,6 +343,8 @@ def _execute(cycle: Cycle, segment: _Segment, before_scan: int) -> None:
             port = ports.setdefault(write.port, cycle.exchange.port(write.port))
             port.write(*write[1:])
         cycle.lap()
+        if after_lap is not None:
+            after_lap(number)
 
 
 def _pass_over(cycle: Cycle, scan: int) -> None:

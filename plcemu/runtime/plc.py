@@ -21,6 +21,7 @@ from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.debugger import Debugger
 from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 from plcemu.runtime.retention import KeptInStep
+from plcemu.runtime.why import DEPTH, Cause, Why
 
 
 def compile(source: str | Path | Iterable[str | Path], *,
@@ -287,6 +288,22 @@ class Plc:
             HistoryError: the scan is not recorded, or the PLC was changed since the rewind.
         """
         self.history.replay(until_scan)
+
+    def why(self, tag: str, at: str | int | None = None, depth: int = DEPTH) -> Cause:
+        """Explain a tag's value: the instructions, steps, timers and inputs that made it so.
+
+        Args:
+            tag: its name, or an address that a variable of the program has.
+            at: an instant that is recorded, such as `"2.5s"`, or ns; by default after the last
+                scan.
+            depth: how many causes deep.
+
+        Raises:
+            HistoryError: nothing is recorded, or the instant is not.
+            UnknownNameError: there is no such tag.
+        """
+        why = Why(self.history, self.fork().cycle)
+        return why.explain(tag, None if at is None else why.scan_at(parse_duration_ns(at)), depth)
 
     def diff(self, old: PlcState, new: PlcState | None = None) -> list[Difference]:
         """Return the tags of the program that differ between two states, in order of the table.

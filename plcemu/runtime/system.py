@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -14,7 +14,13 @@ from plant_sim.contract import Plant, Port
 from plant_sim.parameters import ParameterError
 from plant_sim.registry import PlantLoadError, load
 from plant_sim.rig import Rig
-from plcemu.base.errors import CompileError, ConfigError, PlcemuError, UnknownNameError
+from plcemu.base.errors import (
+    CompileError,
+    ConfigError,
+    PlcemuError,
+    UnknownNameError,
+    did_you_mean,
+)
 from plcemu.base.tags import TagTable
 from plcemu.base.types import ELEMENTARY
 from plcemu.engine.engines import ENGINES
@@ -37,8 +43,10 @@ from plcemu.modbus import (
 from plcemu.modbus.identity import OBJECT_BYTES
 from plcemu.monitor import Property, load_properties
 from plcemu.monitor.formula import tag_refs
+from plcemu.runtime.alarms import Alarm
 from plcemu.runtime.change import Change, make_exchange
 from plcemu.runtime.config import (
+    AlarmSection,
     Config,
     PlantSection,
     PointSection,
@@ -47,6 +55,8 @@ from plcemu.runtime.config import (
 )
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
+from plcemu.runtime.reactions import Reaction, Reactions
+from plcemu.runtime.recordings import Recordings, check_pattern
 from plcemu.runtime.retention import Retention, default_path
 from plcemu.runtime.scenario import Player, Scenario, injections_of, load_scenario
 
@@ -117,15 +127,42 @@ class System:
         self._facts = TagTable(plant.tags) if plant is not None and self.plant is None \
             else TagTable()
         self.properties, self.not_judged = self._judged(properties, program)
-        sources = () if self.retention is None else (self.retention,)
+        self.recordings: Recordings | None = None
+        self.reactions = make_reactions(config, self.properties, self.not_judged, self._record)
+        sources = [s for s in (self.retention, self.reactions.alarms) if s is not None]
         try:
             self.cycle = Cycle(resource, self.exchange, self.plant, self.properties, sources)
         except CompileError:
             raise
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
+        self._join_reactions()
         self._scenario = scenario
         self.cycle.player = self._player(resource)
+
+    def _join_reactions(self) -> None:
+        config, cycle = self.config, self.cycle
+        try:
+            self.reactions.join(cycle)
+        except PlcemuError as problem:
+            raise config.mistake(("reactions",), problem) from None
+        records = [r.record for r in config.reactions.values() if r.record is not None]
+        if records:
+            self.recordings = Recordings(lambda: cycle.tags, max(r.before for r in records),
+                                         config.historian.ring)
+            cycle.observers.append(self.recordings)
+
+    def _record(self, name: str, t_ns: int) -> None:
+        """Begin the recording that a reaction asks for."""
+        record = self.config.reactions[name].record
+        if self.recordings in self.cycle.observers and self.recordings is not None \
+                and record is not None:
+            self.recordings.start(name, t_ns, record.before, record.after, record.file)
+
+    def close(self) -> None:
+        """End the recordings that go on; the run is over."""
+        if self.recordings is not None:
+            self.recordings.close()
 
     def _player(self, resource: Resource) -> Player | None:
         """Return what plays the scenario on a resource, if there is one."""
@@ -218,6 +255,9 @@ class System:
         }
         if self.retention is not None:
             document["retain"] = self.retention.report()
+        alarms = [alarm.as_json() for alarm in self.reactions.alarms]
+        if alarms:
+            document["alarms"] = alarms
         if self.not_judged:
             document["not_judged"] = self.not_judged
         if self.resource.fault is not None:
@@ -232,6 +272,43 @@ def _load_properties(config: Config) -> list[Property]:
         return [p for path in config.property_paths for p in load_properties(path)]
     except OSError as problem:
         raise config.mistake(("properties",), f"{problem.filename}: {problem.strerror}") from None
+
+
+def make_reactions(config: Config, properties: Sequence[Property], not_judged: Sequence[str],
+                   record: Callable[[str, int], None]) -> Reactions:
+    """Return the configured reactions; those to properties that are not judged here stay out.
+
+    Args:
+        config: the configuration.
+        properties: that are judged.
+        not_judged: names of those that are not.
+        record: begins a recording of a property's name at an instant.
+
+    Raises:
+        ConfigError: there is no such property, or a recording cannot be made.
+    """
+    by_name = {p.name: p for p in properties}
+    made = []
+    for name, section in config.reactions.items():
+        if name in not_judged:
+            continue
+        if name not in by_name:
+            raise config.mistake(("reactions", name), f"there is no property {name!r}"
+                                 f"{did_you_mean(name, by_name)}")
+        if section.record is not None:
+            try:
+                check_pattern(section.record.file)
+            except ValueError as problem:
+                raise config.mistake(("reactions", name, "record", "file"), problem) from None
+        alarm = section.alarm
+        if alarm is None and section.stop:
+            alarm = AlarmSection(severity="critical")
+        made.append(Reaction(
+            name, section.set, section.stop,
+            None if alarm is None else Alarm(name, alarm.severity,
+                                             alarm.text or by_name[name].description or name),
+            None if section.record is None else record))
+    return Reactions(made)
 
 
 def make_resource(config: Config, program: Program) -> Resource:
