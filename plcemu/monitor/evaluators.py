@@ -21,6 +21,7 @@ from plcemu.monitor.formula import (
     is_state,
 )
 from plcemu.monitor.general import General, Shape
+from plcemu.monitor.precedence import Precedence
 from plcemu.monitor.response import Response
 from plcemu.monitor.signals import NO, UNSURE, YES
 from plcemu.monitor.verdict import Obligation
@@ -107,18 +108,22 @@ def make_evaluator(formula: Formula, binder: Binder) -> Evaluator:
     premise, goal = shape.premise or TRUE, shape.body
     if isinstance(shape.body, Binary) and shape.premise is not None:
         goal = shape.body.right
+    past = isinstance(goal, Unary) and goal.op == "O"
     bound: int | None = 0
-    if isinstance(goal, Unary) and goal.op == "F":
+    if isinstance(goal, Unary) and goal.op in ("F", "O"):
         interval = goal.interval or Interval()
         whole = whole and interval.first_ns == 0
         bound, goal = interval.last_ns, goal.arg
     constant = isinstance(goal, Literal) or (isinstance(premise, Literal) and premise != TRUE)
-    if constant or not (whole and is_state(premise) and is_state(goal)):
+    if constant or not (whole and is_state(premise) and is_state(goal)) or (past and bound is None):
         return General(formula, binder)
     demand = binder.compile(goal)
-    if premise == TRUE and bound == 0 and not demand.pulsed:
+    given = None if premise == TRUE else binder.compile(premise)
+    if past and bound is not None:
+        return Precedence(given, demand, bound)
+    if given is None and bound == 0 and not demand.pulsed:
         return Invariant(demand)
-    return Response(None if premise == TRUE else binder.compile(premise), demand, bound)
+    return Response(given, demand, bound)
 
 
 def premise_of(formula: Formula) -> Formula | None:
@@ -131,5 +136,5 @@ def body_of(formula: Formula) -> Formula:
     return Shape(formula).body
 
 
-__all__ = ["Evaluator", "General", "Invariant", "Response", "body_of", "make_evaluator",
-           "premise_of"]
+__all__ = ["Evaluator", "General", "Invariant", "Precedence", "Response", "body_of",
+           "make_evaluator", "premise_of"]

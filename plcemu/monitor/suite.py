@@ -54,8 +54,9 @@ class Suite:
         self._unsure = False
         self._masks: list[int] = []
         self._touched: dict[int, tuple[Watch, ...]] = {}
-        # Whether some value is not known, or delayed ones are asked for: the longer way.
+        # Whether a value that is read is not known, or delayed ones are read: the longer way.
         self._special = True
+        self._read: tuple[int, ...] = ()
         self._frames: list[Frame] = []
         self._past: list[Value | None] = []
         self._older: tuple[list[Value | None], list[Frame]] = ([], [])
@@ -203,8 +204,7 @@ class Suite:
         self._unsure = True
         for watch in self._open:
             watch.step(frame, now, now, self._sure(watch))
-        self._unsure = None in now
-        self._special = self._unsure or self._lines is not None
+        self._weigh()
         self._settle()
         if self._wake_ns is not None and self._wake_ns <= frame.t_ns:
             self._pass(frame.t_ns)
@@ -227,12 +227,17 @@ class Suite:
         for index, value in changes:
             before[index] = value
         if self._unsure:
-            self._unsure = None in now
-            self._special = self._unsure or lines is not None
+            self._weigh()
         if lines is not None:
             for slot in lines.feed(frame):
                 self._give_up(slot, frame.t_ns)
             self._set_wake()
+
+    def _weigh(self) -> None:
+        """Find out whether some value that is read is not known."""
+        now = self._now
+        self._unsure = any(now[index] is None for index in self._read)
+        self._special = self._unsure or self._lines is not None
 
     def _step(self, frame: Frame, touched: int) -> None:
         watches = self._touched.get(touched)
@@ -306,6 +311,7 @@ class Suite:
         """Note for each tag, as a bit mask, which open properties look at it."""
         every = sum(1 << i for i, watch in enumerate(self._open) if watch.every_frame)
         self._masks = [every] * len(self._now)
+        self._read = tuple({index for watch in self._open for index in watch.tags_used})
         self._touched.clear()
         self._moved = (1 << len(self._open)) - 1
         self._restless = sum(1 << i for i, watch in enumerate(self._open) if watch.restless)

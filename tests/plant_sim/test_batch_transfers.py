@@ -8,6 +8,7 @@ import pytest
 from batch_drives import PATHS, S, plant_with, replay, switch, volumes
 
 from plant_sim.batch_plant import BatchPlant
+from plant_sim.batch_plant.layout import ACTUATORS
 
 TABLE_1 = [
     ("B1-B3", "B1=sol42C", 320),
@@ -149,8 +150,33 @@ def test_every_valve_open_at_once_still_conserves_volume_and_salt() -> None:
     plant = BatchPlant({"load": 6.5, "brim_l": 0.1})
     volume = sum(volumes(plant))
     grams = sum(plant.units.grams(plant.salt(t)) for t in [*plant.units.brims, "spill"])
-    switch(plant, *plant.actuators)
+    switch(plant, *ACTUATORS)
     plant.advance(1500 * S)
     after = sum(plant.units.grams(plant.salt(t)) for t in [*plant.units.brims, "spill"])
     assert sum(volumes(plant)) == volume
     assert after == pytest.approx(grams, abs=1e-12)
+
+
+def test_leaks_lose_liquid_to_the_floor_and_nothing_else() -> None:
+    plant = BatchPlant({"load": 6.5, "brim_l": 0.1})
+    volume = sum(volumes(plant))
+    switch(plant, *ACTUATORS)
+    plant.disturb({"B1.leak": 0.01, "B4.leak": 0.03, "B5.leak": 0.02, "Pump1.worn": 0.3})
+    plant.advance(1500 * S)
+    assert sum(volumes(plant)) == volume
+    assert plant.report()["spilled_l"] > 5
+
+
+def test_a_worn_pump_takes_longer_by_its_wear_and_a_failed_heater_for_ever() -> None:
+    plant = plant_with("B7=sol42C")
+    switch(plant, *PATHS["B7-B1"])
+    plant.disturb({"Pump1.worn": 0.2})
+    plant.advance(220 * S * 10 // 8 - 1)
+    assert plant.volume("B7") > 0
+    plant.advance(220 * S * 10 // 8 + 1)
+    assert plant.volume("B7") == 0
+    heated = plant_with("B5=sol70C")
+    switch(heated, "Heater")
+    heated.disturb({"Heater.failed": True})
+    heated.advance(5000 * S)
+    assert heated.temperature_degC("B5") == 20

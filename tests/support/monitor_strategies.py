@@ -54,11 +54,12 @@ def _always(body: Formula) -> Formula:
 
 
 from_now = st.one_of(st.none(), st.integers(0, 6).map(lambda b: Interval(0, b, True, True)))
+nearby = st.sampled_from(["F", "O"])
 responses: st.SearchStrategy[Formula] = st.one_of(
     states.map(_always),
     st.builds(Binary, st.just("->"), states, states).map(_always),
-    st.builds(Unary, st.just("F"), states, from_now).map(_always),
-    st.builds(Binary, st.just("->"), states, st.builds(Unary, st.just("F"), states, from_now),
+    st.builds(Unary, nearby, states, from_now).map(_always),
+    st.builds(Binary, st.just("->"), states, st.builds(Unary, nearby, states, from_now),
               ).map(_always))
 
 rows = st.fixed_dictionaries({"a": st.booleans(), "b": st.booleans(), "n": st.integers(0, 2)})
