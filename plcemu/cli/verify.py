@@ -15,7 +15,7 @@ from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
 from plcemu.runtime.config import load_config
-from plcemu.runtime.verification import limits_of, make_prover
+from plcemu.runtime.verification import fires_once, limits_of, make_prover
 from plcemu.verify.explore import Progress
 from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Prover, Result
 
@@ -49,7 +49,8 @@ def execute(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config, arguments.overrides)
     prover = make_prover(config, arguments.names)
     result = _with_progress(lambda told: prover.prove(limits_of(config), told))
-    saved = _save(arguments.save, result, prover) if arguments.save else []
+    once = " --set sipn_single_firing=true" if fires_once(config) else ""
+    saved = _save(arguments.save, result, prover, once) if arguments.save else []
     if arguments.json:
         print_json(document_of(config.name, result))
     else:
@@ -68,7 +69,7 @@ def _fails(proof: Proof, names: list[str] | None) -> bool:
     return verdict == VIOLATED
 
 
-def _save(folder: Path, result: Result, prover: Prover) -> list[str]:
+def _save(folder: Path, result: Result, prover: Prover, options: str) -> list[str]:
     """Write the counterexamples as scenarios; return how each is played."""
     told = []
     for proof in result.proofs:
@@ -80,7 +81,7 @@ def _save(folder: Path, result: Result, prover: Prover) -> list[str]:
         file.write_text(path.scenario(text, prover.loop.inputs), encoding="utf-8")
         until = format_duration(path.ends_at_ns + path.cycle_ns)
         told.append(f"written: {file}; plays with: plcemu simulate CONFIG --no-plant --scenario "
-                    f"{file} --until {until}")
+                    f"{file} --until {until}{options}")
     return told
 
 
@@ -140,3 +141,5 @@ def _print_details(proof: Proof) -> None:
     if proof.path is not None and finding.verdict == VIOLATED:
         for line in proof.path.lines():
             out.print(line)
+        if finding.remark:
+            out.print(f"  {finding.remark}")

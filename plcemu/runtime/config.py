@@ -342,6 +342,9 @@ class VerifySection(Section):
     parameters: dict[str, Any] = {}
     initial: str | None = None
     merge: Literal["stable", "none"] = "stable"
+    frozen: str | None = None
+    sipn_single_firing: bool | None = None
+    monitored: bool = True
     properties: Texts = []
     limits: LimitsSection = LimitsSection()
 

@@ -1,7 +1,7 @@
-"""Properties judged over an explored closed loop: the table of checks, and what they find.
+"""Properties judged over an explored closed loop: kinds of checks, and what they find.
 
 A check says which state formulas it wants to see in every scan, and judges the graph by them. A
-formula that no check of the table takes is inconclusive, never silently true.
+formula that no check of the table (`checks.py`) takes is inconclusive, never silently true.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ class Finding:
         watched: the watched formula that tells in which scan of the run's last step it is decided;
             None if the run has no such scan.
         bad: the states from which on a run violates; None if it does not depend on them.
+        remark: what is said of the run's last state, as no single run can show it; else empty.
     """
 
     verdict: str
@@ -54,6 +55,7 @@ class Finding:
     run: Lasso | None = None
     watched: int | None = None
     bad: set[int] | None = None
+    remark: str = ""
 
 
 @dataclass(slots=True)
@@ -239,23 +241,6 @@ class NoCheck:
     def judge(self, evidence: Evidence) -> Finding:
         """Inconclusive, with the reason."""
         return Finding(INCONCLUSIVE, self.reason, out_of_scope=True)
-
-
-CHECKS: list[Callable[[Formula], Check | None]] = [Invariant.of, Reachable.of, Recurrence.of,
-                                                   NoDeadlock.of]
-"""Each takes a formula or returns None; the first that takes it judges it."""
-
-
-def check_for(formula: Formula) -> Check:
-    """Return the check of a formula."""
-    for of in CHECKS:
-        check = of(formula)
-        if check is not None:
-            return check
-    timed = any(isinstance(p, (Unary, Binary)) and p.interval for p in walk(formula))
-    return NoCheck("it speaks of durations, which are abstracted away here" if timed else
-                   "no check for formulas of this form; there are G p, AG p, EF p, "
-                   "G F p & G F q with p, q of one instant, and AG EX TRUE")
 
 
 # ---------------------------------------------------------------- formulas

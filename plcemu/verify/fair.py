@@ -129,7 +129,7 @@ def lasso(graph: Graph[S, A], fair: Fair[S, A] | None, component: Sequence[int])
             cycle += _through(graph, members, cycle[-1].target if cycle else start, goal)
         here = cycle[-1].target if cycle else start
         if not cycle or here != start:
-            cycle += _way(graph, members, here, {start})
+            cycle += way(graph, members, here, {start})
     return Lasso(origin, stem, cycle)
 
 
@@ -160,12 +160,12 @@ def _steps(graph: Graph[S, A], source: int, members: Collection[int]) -> Iterato
 
 def _through(graph: Graph[S, A], members: Collection[int], start: int, goal: Goal) -> list[Step]:
     if isinstance(goal, set):
-        return [] if start in goal else _way(graph, members, start, goal)
+        return [] if start in goal else way(graph, members, start, goal)
     source, step = goal
-    return [*([] if start == source else _way(graph, members, start, {source})), step]
+    return [*([] if start == source else way(graph, members, start, {source})), step]
 
 
-def _way(graph: Graph[S, A], members: Collection[int], start: int,
+def way(graph: Graph[S, A], members: Collection[int], start: int,
          goal: Collection[int]) -> list[Step]:
     """Return a shortest way, of one step at least, inside the members to a goal."""
     came: dict[int, tuple[int, Step]] = {}

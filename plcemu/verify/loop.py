@@ -122,7 +122,8 @@ class ClosedLoop:
                  outputs: Sequence[Point],
                  watch: Callable[[bytes, Sequence[Value]], int] = nothing_watched,
                  watched: Iterable[int] | None = None, told: int = -1,
-                 merge: Merge = "stable", cycle_ns: int = 0) -> None:
+                 merge: Merge = "stable", cycle_ns: int = 0,
+                 frozen: Callable[[bytes, Sequence[Value]], bool] | None = None) -> None:
         if merge == "stable" and machine.has_clocks:
             raise PlcemuError("the program reads timers or step times, so time matters between "
                               "two events of the plant: verify every scan (merge: none), or with "
@@ -130,6 +131,7 @@ class ClosedLoop:
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.watch, self.told, self.merge, self.cycle_ns = watch, told, merge, cycle_ns
+        self._frozen = frozen
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
@@ -169,6 +171,8 @@ class ClosedLoop:
         """What the plant may do; in `merge="none"` also nothing."""
         if state.fault:
             return ()
+        if self._frozen is not None and self._frozen(state.memory, self.facts(state.plant)):
+            return (IDLE,)
         own = self.plant.actions(state.plant)
         return own if self.merge == "stable" else (IDLE, *own)
 

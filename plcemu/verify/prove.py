@@ -12,7 +12,7 @@ from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
-from plcemu.monitor.formula import Formula
+from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.verify.check import (
     HOLDS,
@@ -21,9 +21,10 @@ from plcemu.verify.check import (
     Check,
     Evidence,
     Finding,
+    NoCheck,
     StateGraph,
-    check_for,
 )
+from plcemu.verify.checks import check_for
 from plcemu.verify.cone import cone_of
 from plcemu.verify.explore import Limits, Progress, explore
 from plcemu.verify.fair import Lasso, run_to
@@ -66,6 +67,7 @@ class Proof:
             "name": self.name, "formula": self.formula, "description": self.description,
             "verdict": self.finding.verdict, "vacuous": bool(self.finding.vacuous_in),
             "vacuous_in": list(self.finding.vacuous_in), "reason": self.finding.reason,
+            "remark": self.finding.remark,
             "states": self.states, "seconds": round(self.seconds, 3),
             "counterexample": None, "witness": None}
         if self.path is not None:
@@ -97,6 +99,7 @@ class Prover:
         cycle_ns: the time between two scans.
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
+        frozen: while this state formula holds, the plant does nothing; None if it always may.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -105,29 +108,42 @@ class Prover:
 
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
-                 merge: Merge = "stable") -> None:
+                 merge: Merge = "stable", frozen: Formula | None = None) -> None:
         self.cycle_ns, self.properties = cycle_ns, list(properties)
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
-        diagnostics: list[Diagnostic] = [d for p in self.properties
-                                         for d in self.predicates.check(p.formula)]
+        self.checks: list[Check] = [self._unknown(p.formula, plant) or check_for(p.formula)
+                                    for p in self.properties]
+        judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
+                  if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
+        diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
         if diagnostics:
             raise CompileError(diagnostics)
-        self.checks: list[Check] = [check_for(p.formula) for p in self.properties]
         watched: list[Formula] = [f for c in self.checks for f in c.watched]
         formulas = watched + [f for c in self.checks for f in c.tested]
         looked_at = self.predicates.bytes_of(formulas)
-        asked = set(looked_at)
+        asked = looked_at | self.predicates.bytes_of([frozen] if frozen else [])
         for point in outputs:
             at = place_of(program, point)
             asked.update(range(at, at + point.width) if at is not None else ())
         kept = cone_of(program, asked)
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
                                self.predicates.mask(formulas), looked_at,
-                               (1 << len(watched)) - 1, merge, cycle_ns)
+                               (1 << len(watched)) - 1, merge, cycle_ns,
+                               self.predicates.test(frozen) if frozen else None)
         self.cuts = self._cuts(kept, merge)
+        if frozen:
+            self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
+
+    @staticmethod
+    def _unknown(formula: Formula, plant: Abstraction) -> Check | None:
+        """Return why a formula that names a fact which the finite plant lacks is not judged."""
+        known = {f"plant.{f.name}".casefold() for f in plant.facts}
+        lacks = [r.name for r in tag_refs(formula)
+                 if r.name.casefold().startswith("plant.") and r.name.casefold() not in known]
+        return NoCheck(f"the finite plant does not know {', '.join(lacks)}") if lacks else None
 
     def _cuts(self, kept: frozenset[int] | None, merge: Merge) -> list[str]:
         """Return what is cut away or assumed, in words."""
