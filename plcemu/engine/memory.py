@@ -102,8 +102,7 @@ class Memory:
         if self._shown == before:
             return ()
         owner, readers, block = self._owner, self._readers, self.block
-        differing = (before ^ self._shown).to_bytes(len(block), "little")
-        found = {tag for run in _NOT_ZERO.finditer(differing) for byte in range(*run.span())
+        found = {tag for byte in _set_bytes(before ^ self._shown, len(block))
                  for tag in owner.get(byte, ())}
         changed = [(i, *readers[i]) for i in sorted(found)]
         return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
@@ -158,3 +157,15 @@ def _all_but(cells: Iterable[int], size: int) -> int:
     for offset in cells:
         mask[offset:offset + 8] = bytes(8)
     return int.from_bytes(mask, "little")
+
+
+def differing_bytes(before: bytes, after: bytes) -> list[int]:
+    """Return the offsets at which two blocks of equal length differ."""
+    difference = int.from_bytes(before, "little") ^ int.from_bytes(after, "little")
+    return _set_bytes(difference, len(after))
+
+
+def _set_bytes(number: int, size: int) -> list[int]:
+    """Return the places of the bytes of a number that are not zero, the lowest first."""
+    return [byte for run in _NOT_ZERO.finditer(number.to_bytes(size, "little"))
+            for byte in range(*run.span())]
