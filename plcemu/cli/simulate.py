@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from plcemu.base.errors import PlcemuError
+from plcemu.base.time import format_duration
 from plcemu.base.trace import Trace
 from plcemu.base.tracefile import FORMATS, save
 from plcemu.cli.output import (
@@ -20,6 +21,7 @@ from plcemu.cli.output import (
 )
 from plcemu.cli.progress import run_with_progress
 from plcemu.runtime.config import load_config
+from plcemu.runtime.inputlog import InputLog
 from plcemu.runtime.plot import check_plot, panels_of, save_plot
 from plcemu.runtime.report import save_report
 from plcemu.runtime.system import System
@@ -45,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", metavar="FILE", type=Path,
                         help="draw curves over time: .svg, .pdf or .png; which, says 'plot:' in "
                         "the configuration (needs the extra 'plot')")
+    parser.add_argument("--save", metavar="FOLDER", type=Path,
+                        help="write what led to each violation as a scenario, NAME.yaml, that "
+                        "plays again with --no-plant --scenario")
     parser.add_argument("--dense", action="store_true",
                         help="execute every scan, also those that cannot change anything")
 
@@ -52,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Simulate, and return 1 if a property is violated or the program faults."""
     _check_files(arguments.trace, arguments.report, arguments.plot)
+    if arguments.save is not None and not arguments.save.is_dir():
+        raise PlcemuError(f"--save {arguments.save}: there is no such folder")
     system = System(load_config(arguments.config, arguments.overrides),
                     with_plant=not arguments.no_plant, scenario=scenario_of(arguments))
     if not arguments.json:
@@ -62,6 +69,9 @@ def execute(arguments: argparse.Namespace) -> int:
         # The page's chart shows no elapsed times.
         only_page = arguments.trace is None and arguments.plot is None
         (system.cycle.state_observers if only_page else system.cycle.observers).append(trace)
+    log = InputLog(system.cycle.tags, system.scenario)
+    if arguments.save is not None:
+        system.cycle.state_observers.append(log)
     panels = panels_of(Trace(system.cycle.tags), system.config.plot)
     run_with_progress(system.cycle, arguments.until, arguments.dense)
     system.close()
@@ -74,11 +84,32 @@ def execute(arguments: argparse.Namespace) -> int:
             save_report(report, trace, arguments.report)
         if arguments.plot is not None:
             save_plot(trace, panels or panels_of(trace, {}), arguments.plot, system.config.name)
+    saved = _save(arguments.save, system, log) if arguments.save is not None else []
     if arguments.json:
         print_json(report)
     else:
         print_report(report)
+        for line in saved:
+            print(line)
     return 1 if failed(report) else 0
+
+
+def _save(folder: Path, system: System, log: InputLog) -> list[str]:
+    """Write what led to each violation as a scenario; return how each is played."""
+    told = []
+    for result in system.cycle.suite.results():
+        if not result.failed or result.decided_at_ns is None:
+            continue
+        if log.problem:
+            told.append(f"{result.name}: nothing is written: {log.problem}")
+            continue
+        file = folder / f"{result.name}.yaml"
+        text = f"{result.name} is violated at {result.decided_at_ns / 1e9:g} s: {result.formula}"
+        file.write_text(log.scenario(result.decided_at_ns, text), encoding="utf-8")
+        until = format_duration(result.decided_at_ns + 2 * system.config.cycle)
+        told.append(f"written: {file}; plays again with: plcemu simulate CONFIG --no-plant "
+                    f"--scenario {file} --until {until}")
+    return told
 
 
 def _check_files(trace: Path | None, report: Path | None, plot: Path | None) -> None:

@@ -92,6 +92,7 @@ class System:
         exchange: its process image.
         cycle: its laps, with plant and monitors.
         plant: the plant in this process, or None.
+        scenario: what comes from outside in the run.
 
     Args:
         config: the configuration.
@@ -137,7 +138,7 @@ class System:
         except PlcemuError as problem:
             raise ConfigError([str(problem)]) from None
         self._join_reactions()
-        self._scenario = scenario
+        self.scenario = scenario
         self.cycle.player = self._player(resource)
 
     def _join_reactions(self) -> None:
@@ -166,7 +167,7 @@ class System:
 
     def _player(self, resource: Resource) -> Player | None:
         """Return what plays the scenario on a resource, if there is one."""
-        scenario = self._scenario
+        scenario = self.scenario
         if not scenario:
             return None
         if self.plant is None:
