@@ -6,6 +6,7 @@ import asyncio
 import logging
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -26,6 +27,13 @@ from plcemu.runtime.realtime import real_time
 from plcemu.runtime.system import System
 
 _LOG = logging.getLogger("plcemu.run")
+
+FIFO_REST = 0.1
+"""What part of the time to the next release stays free of requests under SCHED_FIFO.
+
+Linux suspends real-time processes that take over 95 % of a second (`sched_rt_runtime_us`), for the
+rest of it: a client that floods the server must not bring that upon the cycle.
+"""
 
 GRACE_S = 0.2
 """How long the server still answers after the outputs went to their safe values, in s."""
@@ -137,8 +145,11 @@ class Daemon:
         """Return until when requests are served: a while before the next release."""
         if self._clock is None:
             return None
-        return (self._clock.wall_ns(self.system.cycle.t_ns)
-                - self.system.config.realtime.reserve) / 1e9
+        release, realtime = self._clock.wall_ns(self.system.cycle.t_ns), self.system.config.realtime
+        reserve = realtime.reserve
+        if realtime.scheduler == "fifo":
+            reserve = max(reserve, int((release - time.monotonic_ns()) * FIFO_REST))
+        return (release - reserve) / 1e9
 
     def _catch_signals(self) -> None:
         loop = asyncio.get_running_loop()

@@ -12,7 +12,9 @@ import pytest
 from plcemu.runtime import realtime
 from plcemu.runtime.clock import RealClock
 from plcemu.runtime.config import RealtimeSection, load_config
+from plcemu.runtime.daemon import Daemon
 from plcemu.runtime.realtime import real_time
+from plcemu.runtime.system import System
 
 USABLE = sorted(os.sched_getaffinity(0))
 
@@ -150,3 +152,18 @@ def test_a_clock_that_polls_returns_at_or_after_the_instant():
             await clock.sleep_until_ns(5_000_000)
             return clock.now_ns()
     assert asyncio.run(sleep()) >= 5_000_000
+
+
+@pytest.mark.parametrize(("overrides", "free_ms"), [
+    ([], 0.2), (["realtime.scheduler=fifo"], 1.0),
+    (["realtime.scheduler=fifo", "realtime.reserve=3ms"], 3.0)])
+def test_under_fifo_a_tenth_of_the_time_to_the_release_stays_free_of_requests(
+        monkeypatch: pytest.MonkeyPatch, overrides: list[str], free_ms: float) -> None:
+    class ReleaseIn10Ms:
+        def wall_ns(self, t_ns: int) -> int:
+            return 15_000_000
+
+    monkeypatch.setattr("plcemu.runtime.daemon.time.monotonic_ns", lambda: 5_000_000)
+    daemon = Daemon(System(load_config("il_programs/batch_plant", overrides)))
+    monkeypatch.setattr(daemon, "_clock", ReleaseIn10Ms())
+    assert daemon._serve_until_s() == pytest.approx((15 - free_ms) / 1e3)
