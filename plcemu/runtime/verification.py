@@ -122,8 +122,13 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
         inputs = tuple(p for p in inputs if _uses(program, p))
     else:
         plant = make_abstraction(config)
+    if section.merge == "timed":
+        inputs = tuple(p for p in inputs if _uses(program, p))
+        if section.frozen is not None:
+            raise config.mistake(("verify", "frozen"), "does not go with merge: timed, where the "
+                                 "plant's invariants say when something must happen")
     return Prover(make_resource(config, program), plant, inputs, wiring.outputs,
-                  config.cycle, properties, section.merge, _frozen(config))
+                  config.cycle, properties, section.merge, _frozen(config), section.time)
 
 
 def fires_once(config: Config) -> bool:

@@ -209,7 +209,8 @@ class Recurrence:
 
 @dataclass(frozen=True, slots=True)
 class NoDeadlock:
-    """`AG EX TRUE`: in every state that can be reached, something can still happen."""
+    """`AG EX TRUE`, `A[] !deadlock`: in every state that can be reached, something can still happen,
+    at once or after a while."""
 
     watched: tuple[Formula, ...] = ()
     tested: tuple[Formula, ...] = ()
@@ -217,7 +218,8 @@ class NoDeadlock:
     @staticmethod
     def of(formula: Formula) -> NoDeadlock | None:
         """Return the check if the formula is this one."""
-        return NoDeadlock() if formula == Unary("AG", Unary("EX", TRUE)) else None
+        return NoDeadlock() if isinstance(formula, Unary) and formula.op == "AG" and \
+            (formula.arg == Unary("EX", TRUE) or _is_no_deadlock(formula.arg)) else None
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a state in which nothing can happen; the way to the first one is shown."""
@@ -225,9 +227,12 @@ class NoDeadlock:
         ends = set(terminal(graph))
         if ends:
             return Finding(VIOLATED, run=Lasso(*run_to(graph, min(ends)), []), bad=ends)
-        if not graph.complete:
-            return Finding(INCONCLUSIVE, graph.reason)
-        return Finding(HOLDS, bad=ends)
+        doubt = graph.reason if not graph.complete else evidence.loop.deadlock_doubt
+        return Finding(INCONCLUSIVE, doubt) if doubt else Finding(HOLDS, bad=ends)
+
+
+def _is_no_deadlock(formula: Formula) -> bool:
+    return isinstance(formula, Unary) and formula.op == "!" and isinstance(formula.arg, Deadlock)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from plcemu.ir.ops import SIZES, VALUE_OPS
 from plcemu.ir.program import Function, Instr, Program
@@ -33,11 +33,13 @@ class _Value(NamedTuple):
         bytes: those it depends on.
         address: the least address that it may be; None if it is none.
         span: how much further the address may be, or how large the distance into an array.
+        about: what another analysis that walks the same way knows of it.
     """
 
     bytes: frozenset[int] = frozenset()
     address: int | None = None
     span: int | None = None
+    about: Any = None
 
 
 _NOTHING = _Value()
@@ -53,6 +55,10 @@ class _Flow:
     results: dict[tuple[str, int], _Value] = field(default_factory=dict)
     locals: dict[tuple[str, int], dict[int, _Value]] = field(default_factory=dict)
     active: set[tuple[str, int]] = field(default_factory=set)
+
+    def walk(self, this: int, known: dict[int, _Value], key: tuple[str, int]) -> _Walk:
+        """Return what walks through a function; other analyses walk in a way of their own."""
+        return _Walk(self, this, known, key)
 
 
 def cone_of(program: Program, asked: Iterable[int]) -> frozenset[int] | None:
@@ -101,7 +107,7 @@ def _follow(flow: _Flow, function: Function, this: int) -> _Value:
     known = flow.locals.setdefault(key, {})
     while True:
         before = dict(known)
-        _Walk(flow, this, known, key).through(function)
+        flow.walk(this, known, key).through(function)
         if known == before:
             break
     flow.active.discard(key)
@@ -116,9 +122,10 @@ class _Walk:
         self.flow, self.this, self.known, self.key = flow, this, known, key
         self.stack: list[_Value] = []
         self.dead = False
+        self.at = 0
 
     def through(self, function: Function) -> None:
-        for instr in function.code:
+        for self.at, instr in enumerate(function.code):
             self.dead = self.dead and instr.op != "label"
             if self.dead:
                 continue

@@ -277,7 +277,7 @@ class Branching:
     def judge(self, evidence: Evidence) -> Finding:
         """Violated in an initial state where it does not hold; a run shows why."""
         graph = evidence.graph
-        if evidence.loop.merge == "stable":
+        if evidence.loop.merge != "none":
             return Finding(INCONCLUSIVE, "it speaks of every scan, and scans are merged: verify "
                            "with merge: none", out_of_scope=True)
         if not graph.complete:

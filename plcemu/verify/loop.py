@@ -8,6 +8,8 @@ A state is the memory block (what matters of it) and the plant's state. Two ways
   way shows is still judged, through `seen`.
 * `merge="none"`: a state after every scan; in each the plant may do nothing or something, and the
   time of a cycle passes in timers. Nothing is assumed.
+
+A third one, `merge="timed"`, is in `plcemu.verify.timed`.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from plcemu.base.types import Value
 from plcemu.io.mapping import Point
 from plcemu.verify.machine import ScanMachine, mask_of, place_of
 
-Merge = Literal["stable", "none"]
+Merge = Literal["stable", "none", "timed"]
 
 
 class FinitePlant(Protocol):
@@ -103,6 +105,8 @@ def nothing_watched(memory: bytes, facts: Sequence[Value]) -> int:
 class ClosedLoop:
     """A program and a finite plant.
 
+    `deadlock_doubt` says why it cannot be told that something can always happen; empty if it can.
+
     Args:
         machine: the program's scan, with the inputs that `inputs` names.
         plant: the abstraction.
@@ -132,6 +136,7 @@ class ClosedLoop:
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.watch, self.told, self.merge, self.cycle_ns = watch, told, merge, cycle_ns
         self._frozen = frozen
+        self.deadlock_doubt = ""
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""

@@ -32,6 +32,10 @@ from plcemu.verify.loop import ClosedLoop, Merge
 from plcemu.verify.machine import ScanMachine, place_of
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.predicates import Predicates
+from plcemu.verify.timed import TimedLoop
+from plcemu.verify.timed_checks import reads_time, suited
+from plcemu.verify.timed_path import timed_path_of
+from plcemu.verify.timing import Time, grounds, timed_loop
 
 _FACT_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
 NO_FAULT = "no_fault"
@@ -100,6 +104,7 @@ class Prover:
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
+        time: how time is kept with `merge="timed"`; see `plcemu.verify.timing`.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -108,14 +113,18 @@ class Prover:
 
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
-                 merge: Merge = "stable", frozen: Formula | None = None) -> None:
+                 merge: Merge = "stable", frozen: Formula | None = None,
+                 time: Time = "auto") -> None:
         self.cycle_ns, self.properties = cycle_ns, list(properties)
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
-        self.checks: list[Check] = [self._unknown(p.formula, plant) or check_for(p.formula)
-                                    for p in self.properties]
+        timed = merge == "timed"
+        self.checks: list[Check] = [
+            self._unknown(p.formula, plant) or
+            (reads_time(self.predicates, p.formula) if timed else None) or check_for(p.formula)
+            for p in self.properties]
         judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
                   if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
         diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
@@ -129,10 +138,15 @@ class Prover:
             at = place_of(program, point)
             asked.update(range(at, at + point.width) if at is not None else ())
         kept = cone_of(program, asked)
-        self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
-                               self.predicates.mask(formulas), looked_at,
-                               (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None)
+        machine = ScanMachine(resource, inputs, kept)
+        watching = self.predicates.mask(formulas), looked_at, (1 << len(watched)) - 1
+        self.loop: ClosedLoop
+        if merge == "timed":
+            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs, *watching)
+            self.checks = [suited(self.loop, self.predicates, check) for check in self.checks]
+        else:
+            self.loop = ClosedLoop(machine, plant, inputs, outputs, *watching, merge, cycle_ns,
+                                   self.predicates.test(frozen) if frozen else None)
         self.cuts = self._cuts(kept, merge)
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
@@ -162,6 +176,8 @@ class Prover:
         if merge == "stable":
             cuts.append("scans are merged up to the next rest of program and plant: assumed is "
                         "that no event of the plant comes during the few scans until then")
+        if isinstance(self.loop, TimedLoop):
+            cuts += grounds(self.loop, self.cycle_ns)
         return cuts
 
     def prove(self, limits: Limits = Limits(),  # noqa: B008
@@ -192,9 +208,13 @@ class Prover:
         watched = None if finding.watched is None else first + finding.watched
         path = None
         if finding.run is not None:
-            path = path_of(loop, graph, self.predicates, finding.run, watched, self.cycle_ns)
+            path = self._path(graph, finding.run, watched)
         return Proof(entry.name, str(entry.formula), entry.description, finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+    def _path(self, graph: StateGraph, run: Lasso, watched: int | None) -> Path:
+        of = timed_path_of if isinstance(self.loop, TimedLoop) else path_of
+        return of(self.loop, graph, self.predicates, run, watched, self.cycle_ns)
 
     def _by_initial(self, graph: StateGraph, finding: Finding) -> dict[str, str]:
         """Return the verdict for each initial state: violated where a bad state can be reached."""
@@ -210,7 +230,7 @@ class Prover:
         if at is None:
             return None
         run = Lasso(*run_to(graph, at), [])
-        path = path_of(self.loop, graph, self.predicates, run, None, self.cycle_ns)
+        path = self._path(graph, run, None)
         finding = Finding(VIOLATED, run=run, bad={n for n, s in enumerate(graph.states)
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,

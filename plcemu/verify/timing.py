@@ -1,0 +1,88 @@
+"""How time is kept in a proof: by whole units or zones; whether that is exact, and why.
+
+Whole units are exact for what is reached: all bounds are closed, so every run has one with the same
+steps in which everything happens at whole units (Henzinger, Manna, Pnueli, What good are digital
+clocks?, 1992). Zones are exact for any closed bounds, and for deadlocks too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from fractions import Fraction
+from typing import Any, Literal
+
+from plant_sim.abstraction import Abstraction
+from plcemu.base.errors import PlcemuError
+from plcemu.base.time import format_duration
+from plcemu.io.mapping import Point
+from plcemu.ir.program import Program
+from plcemu.verify.clocks import lookout
+from plcemu.verify.machine import ScanMachine
+from plcemu.verify.timed import IntegerTime, TimedLoop
+from plcemu.verify.zone_time import ZoneTime
+
+Time = Literal["auto", "integer", "zones"]
+
+MANY_UNITS = 100
+"""`auto` keeps time by whole units if the largest constant has no more of them."""
+
+_KEEPS = ("clocks", "constants", "running", "latest", "guard", "restarted", "settled")
+
+
+def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machine: ScanMachine,
+               plant: Abstraction, inputs: Sequence[Point], outputs: Sequence[Point],
+               *watching: Any) -> TimedLoop:
+    """Return the closed loop in time.
+
+    Args:
+        time: how it is kept; `auto` takes whole units if the constants are small.
+        kept: the bytes of memory that matter; None if all may.
+        rest: as `ClosedLoop`.
+
+    Raises:
+        PlcemuError: the plant keeps no time, a sensor is none of its, or the program does more with
+            elapsed times than to compare them with constants.
+    """
+    if not all(hasattr(plant, name) for name in _KEEPS):
+        raise PlcemuError("the finite plant keeps no time, which merge: timed needs; "
+                          "docs/verification.md says what it must tell")
+    readings = plant.sense(next(iter(plant.initial())))
+    lacking = [p.name for p in inputs if p.name not in readings]
+    if lacking:
+        raise PlcemuError(f"the program reads {', '.join(lacking)}, which the finite plant does "
+                          "not tell")
+    seen = lookout(program, kept)
+    if seen.problems:
+        told = "\n  ".join(seen.problems)
+        raise PlcemuError("time cannot be treated exactly (merge: timed), since the program does "
+                          "more with an elapsed time than to compare it with constants:\n  "
+                          f"{told}\nVerify every scan instead: merge: none")
+    arguments = (seen, machine, plant, inputs, outputs, *watching)
+    if time == "zones":
+        return ZoneTime(*arguments)
+    loop = IntegerTime(*arguments)
+    if time == "auto" and max(loop.largest, default=0) > MANY_UNITS:
+        return ZoneTime(*arguments)
+    return loop
+
+
+def grounds(loop: TimedLoop, cycle_ns: int) -> list[str]:
+    """Say how time is kept, why that is exact, and what is assumed."""
+    unit = _time(loop.unit_ns)
+    asked = "; ".join(f"{c.name}: {', '.join(_time(Fraction(t)) for t in c.thresholds)}"
+                      for c in loop.own if c.thresholds) or "none"
+    how = f"time passes by whole units of {unit}, up to the next instant at which anything can " \
+        "happen" if isinstance(loop, IntegerTime) else \
+        f"time passes by any amount: clocks are kept as zones, in units of {unit}"
+    why = "integer runs suffice then" if isinstance(loop, IntegerTime) else \
+        "sets of clock values are bounded by differences then"
+    return [f"{how}; that is exact, since all bounds of the plant's clocks are closed, and the "
+            f"compiled program only asks whether elapsed times have reached constants ({asked}): "
+            f"{why}",
+            "scans take no time: assumed is that the program comes to rest after each event before "
+            f"time passes (its cycle is {format_duration(cycle_ns)}); events at one instant come "
+            "in any order, or together"]
+
+
+def _time(ns: Fraction) -> str:
+    return format_duration(int(ns)) if ns.denominator == 1 else f"{ns} ns"
