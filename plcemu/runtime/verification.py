@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from plant_sim.abstraction import Abstraction, AbstractionError, load_abstraction
 from plant_sim.contract import PortValue
 from plant_sim.free_inputs import FreeInputs
+from plant_sim.linear_automaton import AutomatonError
 from plcemu.base.errors import CompileError, UnknownNameError
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
@@ -76,7 +77,7 @@ def make_abstraction(config: Config) -> Abstraction:
         parameters["initial"] = section.initial
     try:
         return load_abstraction(name, parameters)
-    except AbstractionError as problem:
+    except (AbstractionError, AutomatonError) as problem:
         raise config.mistake(("verify",), problem) from None
 
 

@@ -22,6 +22,7 @@ from itertools import combinations
 from math import gcd, lcm
 from typing import Any, NamedTuple, Protocol
 
+from plant_sim.linear_automaton import AutomatonError
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
@@ -267,6 +268,7 @@ class TimedLoop(ClosedLoop):
         return bytes(block)
 
     def _trail(self, state: Any, happens: Happens) -> tuple[bytes, Trail]:
+        """Return memory and the scans once something has happened."""
         plant = state.plant
         for event in happens.events:
             plant = self.plant.after(plant, event)
@@ -329,8 +331,15 @@ class TimedLoop(ClosedLoop):
         """Memory after one real scan that sees a plant, once some time has passed."""
         return self.machine.scan(memory, self._view(plant).image, elapsed_ns)
 
+    def first_scans(self, plant: Hashable) -> Trail:
+        """The scans from a cold start to the initial state of that plant."""
+        return self._settle(self.machine.initial, plant)
+
     def _settle(self, memory: bytes, plant: Hashable) -> Trail:
-        return self._step(memory, plant, 0)
+        try:
+            return self._step(memory, plant, 0)
+        except AutomatonError as problem:
+            raise PlcemuError(f"the finite plant: {problem}") from None
 
     def scans(self, state: Any, action: Any) -> Trail:
         """The scans of a step; none if only time passes."""
