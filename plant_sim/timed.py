@@ -282,7 +282,7 @@ def meet(*bounds: Bounds) -> dict[str, tuple[Fraction, Fraction | None]]:
 
 def _clocks(where: str, rates: Mapping[str, tuple[Fraction, Fraction]]) -> frozenset[str]:
     for name, rate in rates.items():
-        if rate != (1, 1):
+        if set(rate) != {1}:
             raise AutomatonError(f"{where}: {name} is no clock; its rate must be 1")
     return frozenset(rates)
 
@@ -318,7 +318,7 @@ def _step(automaton: str, transition: Transition) -> _Step:
     if transition.command and guard:
         raise AutomatonError(f"{where}: a commanded transition is taken at once, so it may have "
                              "no guard")
-    if any(ends != (0, 0) for ends in transition.sets.values()):
+    if any(set(ends) != {0} for ends in transition.sets.values()):
         raise AutomatonError(f"{where}: clocks may only be set to 0")
     return _Step(transition.target, guard, frozenset(transition.sets), transition.label,
                  transition.command, name)

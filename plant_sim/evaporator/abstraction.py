@@ -128,8 +128,11 @@ def _place(name: str, clock: str = "", within: Fraction | None = None,
                     f"{clock} <= {within}" if within is not None else "", [("", readings)])
 
 
-def _at_command(source: str, target: str, label: str = "", sets: str = "",
+def _at_command(source: str, target: str, label: str = "", sets: str = "", *, valve: str = "",
                 **command: bool) -> Transition:
+    """A transition that is taken when actuators have these values, or when a valve is open."""
+    if valve:
+        command[valve] = True
     return transition(source, target, label=label, sets={sets: 0} if sets else {},
                       command=command)
 
@@ -160,8 +163,8 @@ def tank_1(fill: Fraction, drain_low: Fraction, drain_high: Fraction) -> Automat
         _at_command("filling", "part", V1=False, V2=False),
         transition("brimming", "overflow", label="tank 1 runs over"),
         _at_command("brimming", "full", V1=False, V2=False),
-        *(_at_command("full", "brimming", **{valve: True}) for valve in ("V1", "V2")),
-        *(_at_command("part", "filling", sets="t1", **{valve: True}) for valve in ("V1", "V2"))]
+        *(_at_command("full", "brimming", valve=valve) for valve in ("V1", "V2")),
+        *(_at_command("part", "filling", sets="t1", valve=valve) for valve in ("V1", "V2"))]
     return Automaton(tuple(places), tuple(moves), "empty", ())
 
 

@@ -209,8 +209,7 @@ class Recurrence:
 
 @dataclass(frozen=True, slots=True)
 class NoDeadlock:
-    """`AG EX TRUE`, `A[] !deadlock`: in every state that can be reached, something can still happen,
-    at once or after a while."""
+    """`AG EX TRUE`, `A[] !deadlock`: in every state something can still happen, now or later."""
 
     watched: tuple[Formula, ...] = ()
     tested: tuple[Formula, ...] = ()

@@ -17,16 +17,21 @@ from itertools import product
 from typing import NamedTuple
 
 from plcemu.base.areas import SIZES as WIDTHS
-from plcemu.base.types import type_of
 from plcemu.ir.ops import SIZES, VALUE_OPS, Fault
 from plcemu.ir.program import ClockCell, Function, Instr, Program
-from plcemu.verify.cone import _MAY_FAULT, _follow, _Flow, _Indirect, _Value, _Walk
+from plcemu.verify.cone import MAY_FAULT, NOTHING, Flow, Indirect, Value, Walk, follow
 
 NUMBERS_KEPT = 64
 """Different values that a place may have and still count as known."""
 
 _LIMIT = 8
 """The distance of a clock cell's limit from its elapsed time."""
+
+_NEVER = (1 << 63) - 1
+"""The limit of a step's time, in ns: the largest TIME."""
+
+_UNKNOWN = ("the program reaches memory through addresses that are not known before it runs "
+            "(VAR_IN_OUT, strings)")
 
 _SHIFTS = {"ge": 0, "lt": 0, "gt": 1, "le": 1}
 """Comparisons with a constant c, and how many ns beyond c they change."""
@@ -84,7 +89,7 @@ _ZERO = _About(frozenset((0,)))
 
 
 @dataclass(slots=True)
-class _ClockFlow(_Flow):
+class _ClockFlow(Flow):
     """What is known of places in memory, by offset and size, and what is found on the way."""
 
     cells: Mapping[int, ClockCell] = field(default_factory=dict)
@@ -95,7 +100,7 @@ class _ClockFlow(_Flow):
     thresholds: dict[int, set[int]] = field(default_factory=dict)
     problems: dict[str, None] = field(default_factory=dict)
 
-    def walk(self, this: int, known: dict[int, _Value], key: tuple[str, int]) -> _Walk:
+    def walk(self, this: int, known: dict[int, Value], key: tuple[str, int]) -> Walk:
         return _ClockWalk(self, this, known, key)
 
     def put(self, address: int, size: int, about: _About) -> None:
@@ -122,7 +127,7 @@ class _ClockFlow(_Flow):
         return found
 
 
-class _ClockWalk(_Walk):
+class _ClockWalk(Walk):
     """A walk that follows elapsed times and constants."""
 
     flow: _ClockFlow
@@ -141,7 +146,7 @@ class _ClockWalk(_Walk):
     def blame(self, strange: Collection[str]) -> None:
         self.flow.problems.update(dict.fromkeys(sorted(strange)))
 
-    def decide(self, value: _Value) -> None:
+    def decide(self, value: Value) -> None:
         """A value decides what is done: it must not be made of elapsed times in a strange way."""
         about = _about(value)
         self.blame(about.strange)
@@ -158,7 +163,7 @@ class _ClockWalk(_Walk):
         operands = [_about(v) for v in self.stack[-count:]]
         super().value(op)
         made = self.combined(op, operands)
-        if op.split(".")[0] in _MAY_FAULT:
+        if op.split(".")[0] in MAY_FAULT:
             self.blame(made.strange)
         self.stack[-1] = self.stack[-1]._replace(about=made)
 
@@ -191,7 +196,7 @@ class _ClockWalk(_Walk):
     def op_const(self, instr: Instr) -> None:
         machine, value = instr.arg
         known = frozenset((int(value),)) if machine not in ("f32", "f64") else None
-        self.stack.append(_Value(about=_About(known)))
+        self.stack.append(Value(about=_About(known)))
 
     def op_get(self, instr: Instr) -> None:
         super().op_get(instr)
@@ -223,7 +228,7 @@ class _ClockWalk(_Walk):
 
     # ------------------------------------------------------------ memory
 
-    def read(self, machine: str, address: int, place: _Value = _Value()) -> None:
+    def read(self, machine: str, address: int, place: Value = NOTHING) -> None:
         super().read(machine, address, place)
         size = (place.span or 0) + SIZES[machine]
         cells = [c for c in self.flow.cells if c < address + size and address < c + 8]
@@ -239,7 +244,7 @@ class _ClockWalk(_Walk):
                 f"reads {self.flow.names[cells[0]]} in a way that is not known")))
         self.stack[-1] = self.stack[-1]._replace(about=about)
 
-    def write(self, machine: str, address: int, value: _Value, place: _Value = _Value()) -> None:
+    def write(self, machine: str, address: int, value: Value, place: Value = NOTHING) -> None:
         super().write(machine, address, value, place)
         about, size = _about(value), SIZES[machine]
         reached = range(address, address + (place.span or 0) + size)
@@ -257,7 +262,7 @@ class _ClockWalk(_Walk):
         """Say what is wrong with what is stored into a clock cell."""
         name = self.flow.names[cell]
         if address == cell and size == 8:
-            if about.clocks or about.numbers != {0}:
+            if about.clocks or about.numbers != frozenset((0,)):
                 self.blame(self.here(f"sets {name} to something else than zero"))
         elif address == cell + _LIMIT and size == 8:
             own = not about.clocks or about.clocks == {cell}
@@ -290,7 +295,7 @@ class _ClockWalk(_Walk):
     op_jumpifnot = op_jumpif
 
 
-def _about(value: _Value) -> _About:
+def _about(value: Value) -> _About:
     return value.about if value.about is not None else _ANY
 
 
@@ -320,8 +325,7 @@ def lookout(program: Program, kept: Collection[int] | None) -> Lookout:
             cannot be told, and then nothing can be told here, either.
     """
     if kept is None:
-        return Lookout(problems=("the program reaches memory through addresses that are not known "
-                                 "before it runs (VAR_IN_OUT, strings)",))
+        return Lookout(problems=(_UNKNOWN,))
     cells = {c.offset: c for c in program.layout.clocks if c.observed}
     flow = _ClockFlow(program, cells=cells, names=clock_names(program), kept=frozenset(kept))
     before = None
@@ -330,15 +334,14 @@ def lookout(program: Program, kept: Collection[int] | None) -> Lookout:
             before = dict(flow.places)
             flow.problems, flow.locals = {}, {}
             for instance in program.instances:
-                _follow(flow, program.functions[instance.function], instance.base)
-    except _Indirect:
-        return Lookout(problems=("the program reaches memory through addresses that are not known "
-                                 "before it runs",))
+                follow(flow, program.functions[instance.function], instance.base)
+    except Indirect:
+        return Lookout(problems=(_UNKNOWN,))
     clocks = []
     for offset in sorted(cells.keys() & flow.kept):
         stops = flow.places.get((offset + _LIMIT, 8), _About()).numbers or frozenset()
         seen = flow.thresholds.get(offset, set()) | stops
-        times = tuple(sorted(t for t in seen if 0 < t < type_of("TIME").high))
+        times = tuple(sorted(t for t in seen if 0 < t < _NEVER))
         clocks.append(Clock(flow.names[offset], offset, times))
         if times and times[0] < 2:
             flow.problems[f"{flow.names[offset]} is compared with {times[0] - 1} ns, of which only "

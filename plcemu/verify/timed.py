@@ -1,4 +1,4 @@
-"""The closed loop in time: the real scan and a plant with clocks, together a closed timed automaton.
+"""The closed loop in time: the real scan and a plant with clocks, a closed timed automaton.
 
 A *place* is the memory block at rest and the plant's discrete state. Clocks are those of the plant,
 and the elapsed times that the program compares with constants (`plcemu.verify.clocks`). Of such a
@@ -76,23 +76,6 @@ class Passes(NamedTuple):
         return f"{format_duration(int(self.units * self.unit_ns))} pass"
 
 
-class TimedState(NamedTuple):
-    """A state of the closed loop in time.
-
-    Attributes:
-        memory, plant, seen, fault: as in `plcemu.verify.loop.State`.
-        clocks: the values of the place's clocks, in units; or the number of a zone.
-        stuck: whether it stands for the part of a zone in which nothing can happen any more.
-    """
-
-    memory: bytes
-    plant: Hashable
-    seen: int = 0
-    fault: str = ""
-    clocks: tuple[int, ...] = ()
-    stuck: bool = False
-
-
 Limits = tuple[tuple[int, int, int | None], ...]
 """Bounds of clocks: number of the clock, least and largest value in units, both included."""
 
@@ -106,7 +89,7 @@ class Single(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What something that happens leads to: the place, and the clocks set to 0 on the way."""
+    """What something that happens leads to: a state but for its clocks, and those set to 0."""
 
     place: State
     resets: frozenset[int]
@@ -239,7 +222,8 @@ class TimedLoop(ClosedLoop):
     def _orders(self, plant: Any, events: tuple[Any, ...]) -> Collection[tuple[Any, ...]]:
         """Return the orders in which events can come at one instant, one for each result."""
         results: dict[Hashable, tuple[Any, ...]] = {plant: ()}
-        reached = {(plant, frozenset(range(len(events)))): ()}
+        reached: dict[tuple[Hashable, frozenset[int]], tuple[Any, ...]] = {
+            (plant, frozenset(range(len(events)))): ()}
         for _ in events:
             reached = {(self.plant.after(now, events[n]), left - {n}): (*order, events[n])
                        for (now, left), order in reached.items() for n in sorted(left)[::-1]
@@ -312,12 +296,12 @@ class TimedLoop(ClosedLoop):
 
     # ------------------------------------------------------------ as a closed loop
 
-    def expand(self, states: Iterable[TimedState]) -> Iterator[list[tuple[Any, TimedState]]]:
+    def expand(self, states: Iterable[State]) -> Iterator[list[tuple[Any, State]]]:
         """For each state, its actions and the states after them."""
         for state in states:
             yield [(action, self.next(state, action)) for action in self.actions(state)]
 
-    def future(self, state: TimedState) -> Hashable:
+    def future(self, state: State) -> Hashable:
         """What decides how a run goes on: all of a state but what was seen on the way to it."""
         return state._replace(seen=0) if state.seen else state
 
@@ -380,13 +364,11 @@ class TimedLoop(ClosedLoop):
 
 def _is_sure(single: Single, place: Place) -> bool:
     """Whether something can happen, now or after a while, whatever the values of the clocks are."""
-    bounds = {n: v for n, v in place.latest}
-    for n, _, high in single.guard:
-        if high is not None:
-            bounds[n] = min(high, bounds.get(n, high))
-            if bounds[n] < dict(place.latest).get(n, bounds[n] + 1):
-                return False
-    return all(low <= 0 or not bounds.keys() - {n} for n, low, _ in single.guard)
+    ends = dict(place.latest)
+    if any(high is not None and ends.get(n, high + 1) > high for n, _, high in single.guard):
+        return False
+    return all(low <= 0 or (not ends.keys() - {n} and low <= ends.get(n, low))
+               for n, low, _ in single.guard)
 
 
 def _standins(clock: Clock) -> list[int]:
@@ -407,7 +389,7 @@ def common_unit(values: Sequence[Fraction]) -> Fraction:
 class IntegerTime(TimedLoop):
     """Time passes by whole units, up to the next instant at which anything can happen."""
 
-    def initial(self) -> Iterator[TimedState]:
+    def initial(self) -> Iterator[State]:
         """The places after a cold start."""
         for plant in self.plant.initial():
             outcome = self.begin(plant)
@@ -416,15 +398,15 @@ class IntegerTime(TimedLoop):
             self._starts[plant] = state
             yield state
 
-    def _state(self, outcome: Outcome, values: Mapping[int, int]) -> TimedState:
+    def _state(self, outcome: Outcome, values: Mapping[int, int]) -> State:
         place = outcome.place
         if place.fault:
-            return TimedState(*place)
+            return place
         clocks = tuple(0 if n in outcome.resets else values.get(n, 0)
                        for n in self.place(place).clocks)
-        return TimedState(*place, clocks)
+        return place._replace(clocks=clocks)
 
-    def actions(self, state: TimedState) -> Sequence[Any]:
+    def actions(self, state: State) -> Sequence[Any]:
         """What can happen now, alone and together; and that time passes."""
         if state.fault:
             return ()
@@ -455,7 +437,7 @@ class IntegerTime(TimedLoop):
             return 1 if now else 0 if room is None else room
         return min(starts) if room is None else min(*starts, room)
 
-    def next(self, state: TimedState, action: Any) -> TimedState:
+    def next(self, state: State, action: Any) -> State:
         """The state after a step."""
         place = self.place(state)
         if isinstance(action, Passes):

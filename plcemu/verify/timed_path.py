@@ -21,10 +21,10 @@ from plcemu.base.time import format_duration
 from plcemu.base.types import Value
 from plcemu.verify.check import StateGraph
 from plcemu.verify.fair import Lasso
-from plcemu.verify.loop import ClosedLoop
+from plcemu.verify.loop import ClosedLoop, State
 from plcemu.verify.path import Path, Row, row_of
 from plcemu.verify.predicates import Predicates
-from plcemu.verify.timed import Happens, Passes, TimedLoop, TimedState
+from plcemu.verify.timed import Happens, Passes, TimedLoop
 
 SCANS_LIMIT = 200_000
 """Scans of a path; a longer one is shown without those in which nothing happens."""
@@ -36,9 +36,9 @@ _CELL = struct.Struct("<qq")
 class Event:
     """Something happens at a model's instant, between two of its states."""
 
-    source: TimedState
+    source: State
     action: Happens
-    target: TimedState
+    target: State
     t_ns: int
 
 
@@ -66,16 +66,16 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         real = _Real(loop, cycle_ns, origin, first)
         for event in stem:
             real.follow(event)
-        writer = _Writer(loop, predicates, real.scans, [n * cycle_ns for n in range(len(real.scans))])
+        writer = _Writer(loop, predicates, real.scans, real.times)
         remark = _lag(stem, real)
         last, repeats = real.last, len(real.scans)
         for event in cycle:
             real.follow(event)
-        writer.take(real.scans[repeats:], [n * cycle_ns for n in range(repeats, len(real.scans))])
+        writer.take(real.scans[repeats:], real.times[repeats:])
     except _DoesNotFollow as problem:
         writer, last, repeats = _model(loop, predicates, origin, stem, cycle)
-        remark = f"scans are shown at the model's instants; at a cycle of " \
-            f"{format_duration(cycle_ns)} the program does not do the same: {problem}"
+        remark = ("scans are shown at the model's instants; at a cycle of "
+                  f"{format_duration(cycle_ns)} the program does not do the same: {problem}")
     fault = graph.states[(run.stem[-1].target if run.stem else run.start)].fault
     shown: int | None = None
     if watched is not None:
@@ -116,7 +116,7 @@ def _by_waiting(actions: Sequence[Any]) -> list[int]:
     return times
 
 
-def _earliest(loop: TimedLoop, states: Sequence[TimedState], actions: Sequence[Any]) -> list[int]:
+def _earliest(loop: TimedLoop, states: Sequence[State], actions: Sequence[Any]) -> list[int]:
     """Return the earliest instants of actions, in units, that all bounds on the way allow.
 
     Each bound is one of the difference of two instants, an action's and that of the last one that
@@ -150,8 +150,8 @@ def _earliest(loop: TimedLoop, states: Sequence[TimedState], actions: Sequence[A
 
 def _lag(events: Sequence[Event], real: _Real) -> str:
     late = max((abs(at - e.t_ns) for e, at in zip(events, real.taken, strict=True)), default=0)
-    return f"events are up to {format_duration(late)} off their instants in the model, where " \
-        "scans take no time" if late else ""
+    return (f"events are up to {format_duration(late)} off their instants in the model, where "
+            "scans take no time") if late else ""
 
 
 # ---------------------------------------------------------------- the program as it runs
@@ -161,7 +161,7 @@ class _Real:
     """The program's scans at its cycle, driven through a run's events."""
 
     def __init__(self, loop: TimedLoop, cycle_ns: int, origin: Hashable,
-                 first: TimedState) -> None:
+                 first: State) -> None:
         self.loop, self.cycle_ns = loop, cycle_ns
         self.memory, self.plant = loop.machine.initial, origin
         self.scans: list[tuple[bytes, Hashable, str]] = []
@@ -177,6 +177,11 @@ class _Real:
     def t_ns(self) -> int:
         """The instant of the next scan."""
         return len(self.scans) * self.cycle_ns
+
+    @property
+    def times(self) -> list[int]:
+        """The instants of all scans."""
+        return [n * self.cycle_ns for n in range(len(self.scans))]
 
     def follow(self, event: Event) -> None:
         """Wait for an event's scan, and go on until program and plant rest where it leads."""
@@ -213,7 +218,7 @@ class _Real:
                 _CELL.pack_into(block, clock.offset, now, limit)
         return bytes(block)
 
-    def _settle(self, target: TimedState, text: str, event: Event | None) -> None:
+    def _settle(self, target: State, text: str, event: Event | None) -> None:
         """Scan until program and plant are where the model's step led."""
         loop = self.loop
         for n in range(_PATIENCE):

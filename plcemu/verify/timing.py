@@ -68,20 +68,24 @@ def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machi
 
 def grounds(loop: TimedLoop, cycle_ns: int) -> list[str]:
     """Say how time is kept, why that is exact, and what is assumed."""
-    unit = _time(loop.unit_ns)
     asked = "; ".join(f"{c.name}: {', '.join(_time(Fraction(t)) for t in c.thresholds)}"
                       for c in loop.own if c.thresholds) or "none"
-    how = f"time passes by whole units of {unit}, up to the next instant at which anything can " \
-        "happen" if isinstance(loop, IntegerTime) else \
-        f"time passes by any amount: clocks are kept as zones, in units of {unit}"
-    why = "integer runs suffice then" if isinstance(loop, IntegerTime) else \
-        "sets of clock values are bounded by differences then"
-    return [f"{how}; that is exact, since all bounds of the plant's clocks are closed, and the "
-            f"compiled program only asks whether elapsed times have reached constants ({asked}): "
-            f"{why}",
-            "scans take no time: assumed is that the program comes to rest after each event before "
-            f"time passes (its cycle is {format_duration(cycle_ns)}); events at one instant come "
-            "in any order, or together"]
+    how, why = _KINDS[type(loop)]
+    exact = (f"{how.format(_time(loop.unit_ns))}; that is exact, since all bounds of the plant's "
+             "clocks are closed, and the compiled program only asks whether elapsed times have "
+             f"reached constants ({asked}): {why}")
+    assumed = ("scans take no time: assumed is that the program comes to rest after each event "
+               f"before time passes (its cycle is {format_duration(cycle_ns)}); events at one "
+               "instant come in any order, or together")
+    return [exact, assumed]
+
+
+_KINDS = {
+    IntegerTime: ("time passes by whole units of {}, up to the next instant at which anything can "
+                  "happen", "integer runs suffice then"),
+    ZoneTime: ("time passes by any amount: clocks are kept as zones, in units of {}",
+               "sets of clock values are bounded by differences then")}
+"""How time is kept, and why that is exact."""
 
 
 def _time(ns: Fraction) -> str:

@@ -12,7 +12,8 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from plant_sim.linear import Constraint, Constraints, Term
-from plcemu.verify.timed import TOGETHER, Happens, Limits, Outcome, Place, TimedLoop, TimedState
+from plcemu.verify.loop import State
+from plcemu.verify.timed import TOGETHER, Happens, Limits, Outcome, Place, TimedLoop
 from plcemu.verify.zones import Scale, Zone
 
 _ONE = (Fraction(1), Fraction(1))
@@ -51,17 +52,20 @@ STUCK = NothingCanHappen()
 
 
 class ZoneTime(TimedLoop):
-    """Time passes by any amount; a state holds the number of its zone."""
+    """Time passes by any amount; a state holds the number of its zone.
+
+    One without stands for the part of a zone in which nothing can happen any more.
+    """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._scale = Scale(tuple(map(str, range(len(self.names)))), Fraction(1))
         self._zones: list[Zone] = []
-        self._at: dict[TimedState, list[int]] = {}
+        self._at: dict[State, list[int]] = {}
         self._bounds: dict[int, tuple[Place, _Bounds]] = {}
         self._resets: dict[frozenset[int], dict[str, tuple[Fraction, Fraction]]] = {}
 
-    def initial(self) -> Iterator[TimedState]:
+    def initial(self) -> Iterator[State]:
         """The places after a cold start, and any time then."""
         for plant in self.plant.initial():
             outcome = self.begin(plant)
@@ -84,9 +88,9 @@ class ZoneTime(TimedLoop):
             known = self._bounds[id(place)] = place, bounds
         return known[1]
 
-    def _enter(self, zone: Zone, outcome: Outcome) -> TimedState:
+    def _enter(self, zone: Zone, outcome: Outcome) -> State:
         """Return the state of a place that is entered with these clock values."""
-        bare = TimedState(*outcome.place)
+        bare = outcome.place
         if bare.fault:
             return bare
         bounds = self._bounds_of(self.place(bare))
@@ -101,9 +105,9 @@ class ZoneTime(TimedLoop):
         self._zones.append(zone)
         return bare._replace(clocks=(len(self._zones) - 1,))
 
-    def actions(self, state: TimedState) -> Sequence[Any]:
+    def actions(self, state: State) -> Sequence[Any]:
         """What can happen at some of the clock values, alone and together."""
-        if state.fault or state.stuck:
+        if state.fault or not state.clocks:
             return ()
         place = self.place(state)
         bounds, zone = self._bounds_of(place), self._zones[state.clocks[0]]
@@ -123,10 +127,10 @@ class ZoneTime(TimedLoop):
             found.append(STUCK)
         return found
 
-    def next(self, state: TimedState, action: Any) -> TimedState:
+    def next(self, state: State, action: Any) -> State:
         """The state after what happens at the clock values at which it can."""
         if action is STUCK:
-            return state._replace(stuck=True, seen=self.resting(state))
+            return state._replace(clocks=(), seen=self.resting(state))
         assert isinstance(action, Happens)
         place = self.place(state)
         zone = self._zones[state.clocks[0]]

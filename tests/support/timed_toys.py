@@ -162,7 +162,7 @@ class Oracle:
         """Scan until nothing changes; plant clocks that were set stand at 0."""
         for _ in range(100):
             sensed = self.plant.sense(plant)
-            image = self.machine.image([bytes([sensed.get(p.name, False)]) for p in self.case.inputs])
+            image = self.machine.image([bytes([sensed[p.name]]) for p in self.case.inputs])
             after = self.machine.scan(memory, image)
             following = self.plant.actuate(plant, {n: bool(after[at])
                                                    for n, at in self.outputs.items() if at})
