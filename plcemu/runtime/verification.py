@@ -14,7 +14,7 @@ from plcemu.lang.compile import compile_program
 from plcemu.monitor import Property, load_properties, parse_properties
 from plcemu.monitor.formula import Formula
 from plcemu.runtime.config import Config
-from plcemu.runtime.system import make_coupling, make_resource
+from plcemu.runtime.wiring import make_coupling, make_resource
 from plcemu.verify.check import is_plain
 from plcemu.verify.explore import Limits
 from plcemu.verify.machine import place_of
