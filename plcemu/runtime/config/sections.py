@@ -315,6 +315,11 @@ class Config(Section):
         return Path(self._file)
 
     @property
+    def title(self) -> str:
+        """The name, or that of the folder where the configuration stands."""
+        return self.name or self.file_path.resolve().parent.name
+
+    @property
     def program_paths(self) -> list[Path]:
         """The program's source files."""
         return [Path(p) for p in self.program]
