@@ -37,6 +37,8 @@ class Memory:
         self._read = [clock for clock in layout.clocks if clock.observed]
         passing = [offset for clock in self._read if clock.expiry is not None
                    for offset in (clock.offset, clock.expiry.copy)]
+        self.reads_clocks = bool(self._read)
+        """Whether the program reads a clock cell."""
         self._told = _all_but(idle, len(block))
         self._lasting = _all_but(passing, len(block)) if passing else None
         copies = {clock.expiry.copy for clock in self._read if clock.expiry is not None}
@@ -102,7 +104,7 @@ class Memory:
         if self._shown == before:
             return ()
         owner, readers, block = self._owner, self._readers, self.block
-        found = {tag for byte in _set_bytes(before ^ self._shown, len(block))
+        found = {tag for byte in _set_bytes(before ^ self._shown)
                  for tag in owner.get(byte, ())}
         changed = [(i, *readers[i]) for i in sorted(found)]
         return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
@@ -162,10 +164,17 @@ def _all_but(cells: Iterable[int], size: int) -> int:
 def differing_bytes(before: bytes, after: bytes) -> list[int]:
     """Return the offsets at which two blocks of equal length differ."""
     difference = int.from_bytes(before, "little") ^ int.from_bytes(after, "little")
-    return _set_bytes(difference, len(after))
+    return _set_bytes(difference)
 
 
-def _set_bytes(number: int, size: int) -> list[int]:
-    """Return the places of the bytes of a number that are not zero, the lowest first."""
-    return [byte for run in _NOT_ZERO.finditer(number.to_bytes(size, "little"))
-            for byte in range(*run.span())]
+def _set_bytes(number: int) -> list[int]:
+    """Return the places of the bytes of a number that are not zero, the lowest first.
+
+    Mostly only a few neighbours are: only the stretch from the first to the last is looked at.
+    """
+    if not number:
+        return []
+    first = (number & -number).bit_length() - 1 >> 3
+    stretch = number >> 8 * first
+    raw = stretch.to_bytes(stretch.bit_length() + 7 >> 3, "little")
+    return [first + byte for run in _NOT_ZERO.finditer(raw) for byte in range(*run.span())]

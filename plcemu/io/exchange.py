@@ -118,16 +118,28 @@ class Waiting(NamedTuple):
     mask: bytes | None
 
 
+class _Part(NamedTuple):
+    """A part of the extent of this number: where it stands in memory, in the image, and how far
+    from the extent's beginning in memory.
+    """
+
+    number: int
+    extent: Extent
+    in_memory: slice
+    in_image: slice
+    ahead: int
+
+
 class _Target(NamedTuple):
     """What a write to a stretch of an area's image touches in memory.
 
     Attributes:
-        extents: the numbers of the area's extents.
-        parts: of the extents, with memory and image slices, that the write touches.
+        parts: of the extents, that the write touches.
+        whole: whether it replaces all of them, if it has no mask.
     """
 
-    extents: tuple[int, ...]
-    parts: tuple[tuple[Extent, slice, slice], ...]
+    parts: tuple[_Part, ...]
+    whole: bool
 
 
 class Checkpoint(NamedTuple):
@@ -137,8 +149,7 @@ class Checkpoint(NamedTuple):
     forces: dict[int, bytes]
 
 
-@dataclass(frozen=True, slots=True)
-class _Write:
+class _Write(NamedTuple):
     port: Port
     area: str
     offset: int
@@ -193,7 +204,7 @@ class Port:
             ValueError: the mask is not as long as the data.
             LimitError: `PENDING_LIMIT` writes wait for the next scan already.
         """
-        self._exchange.published(area, offset, len(data))
+        self._exchange.check_place(area, offset, len(data))
         if mask is not None and len(mask) != len(data):
             raise ValueError(f"a mask of {len(mask)} bytes for {len(data)} bytes of data")
         write = _Write(self, area, offset, bytes(data), mask)
@@ -242,6 +253,8 @@ class Exchange:
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
         self._stand_over(memory, extents)
+        self.version = 0
+        """Another number whenever something but inputs may have changed in the image."""
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
         self.update_outputs()
@@ -266,10 +279,19 @@ class Exchange:
 
     def published(self, area: str, offset: int, n: int) -> bytes:
         """Return bytes of an area's published image (of memory, for the pseudo-area MEMORY)."""
+        return bytes(self.check_place(area, offset, n)[offset:offset + n])
+
+    def check_place(self, area: str, offset: int, n: int) -> bytearray | memoryview:
+        """Return an area's image (memory, for MEMORY) if it has these bytes.
+
+        Raises:
+            KeyError: there is no such area.
+            IndexError: the stretch leaves the area.
+        """
         image = self._memory if area == MEMORY else self._image[area]
         if offset < 0 or n < 0 or offset + n > len(image):
             raise IndexError(f"bytes {offset} to {offset + n} of {area} ({len(image)} bytes)")
-        return bytes(image[offset:offset + n])
+        return image
 
     def queue(self, write: _Write) -> None:
         """Let a write wait for the next scan."""
@@ -363,19 +385,23 @@ class Exchange:
 
         Around the written bits the elements keep what memory holds, not what was last published.
         """
-        if write.area == MEMORY:
-            _merge(self._memory, write.offset, write.data, write.mask)
+        _, area, offset, data, mask = write
+        if area == MEMORY:
+            _merge(self._memory, offset, data, mask)
             return
-        numbers, parts = self._target(write.area, write.offset, len(write.data))
-        # The image will hold what clients wrote, no longer what was published last.
-        for n in numbers:
-            self._last_raw[n] = b""
-        image, memory = self._image[write.area], self._memory
-        for part, in_memory, in_image in parts:
-            image[in_image] = part.to_image(bytes(memory[in_memory]))
-        _merge(image, write.offset, write.data, write.mask)
-        for part, in_memory, in_image in parts:
-            memory[in_memory] = part.to_memory(bytes(image[in_image]))
+        parts, whole = self._target(area, offset, len(data))
+        image, memory = self._image[area], self._memory
+        if mask is not None or not whole:
+            for _, extent, in_memory, in_image, _ in parts:
+                image[in_image] = extent.to_image(bytes(memory[in_memory]))
+        _merge(image, offset, data, mask)
+        for n, extent, in_memory, in_image, ahead in parts:
+            raw = memory[in_memory] = extent.to_memory(bytes(image[in_image]))
+            # Here image and memory say the same now; the rest is as it was last published.
+            if published := self._last_raw[n]:
+                self._last_raw[n] = published[:ahead] + raw + published[ahead + len(raw):]
+        if area[0] != "I":
+            self.version += 1
 
     def _target(self, area: str, offset: int, n: int) -> _Target:
         """Return what a write of `n` bytes touches; the same few come again and again."""
@@ -383,11 +409,13 @@ class Exchange:
         if target is None:
             if len(self._targets) >= TARGETS_LIMIT:
                 self._targets.clear()
-            numbers = tuple(self._by_area.get(area, ()))
-            parts = [part for k in numbers
+            found = [(k, part) for k in self._by_area.get(area, ())
                      if (part := self._extents[k].part(offset, offset + n)) is not None]
-            target = self._targets[area, offset, n] = _Target(
-                numbers, tuple((p, p.memory_slice, p.image_slice) for p in parts))
+            parts = tuple(_Part(k, part, part.memory_slice, part.image_slice,
+                                part.offset - self._extents[k].offset) for k, part in found)
+            whole = all(offset <= part.in_image.start and part.in_image.stop <= offset + n
+                        for part in parts)
+            target = self._targets[area, offset, n] = _Target(parts, whole)
         return target
 
     def update_outputs(self) -> None:
@@ -399,6 +427,7 @@ class Exchange:
             if raw != last_raw[i]:
                 last_raw[i] = raw
                 image[in_image] = self._extents[i].to_image(raw)
+                self.version += 1
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():

@@ -152,7 +152,7 @@ class Suites:
     @property
     def undecided(self) -> int:
         """How many properties have no final verdict yet."""
-        return sum(m.suite.undecided for m in self._members)
+        return sum([m.suite.undecided for m in self._members])
 
     def verdicts(self) -> list[str]:
         """Return the verdicts alone, in the order the properties were given."""

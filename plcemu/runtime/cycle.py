@@ -301,7 +301,8 @@ class Cycle:
             self.reactions.after_judging(t_ns)
         if changes or self.suite.undecided != undecided:
             verdicts = self._moved(len(self._sources), self._own.verdicts.values())
-            frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
+            if verdicts:
+                frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
         for observer in self.observers:
             observer.observe(frame)
         if self.state_observers:
@@ -325,7 +326,9 @@ class Cycle:
                         if new != old and i not in told]
             self._times_run, self._times = now != self._times, now
         for n, source in enumerate(self._sources):
-            changes += self._moved(n, source.values())
+            now = source.values()
+            if now is not self._last[n]:
+                changes += self._moved(n, now)
         return tuple(changes)
 
     def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
@@ -393,17 +396,17 @@ class Cycle:
         if self.exchange.waiting or self._times_run or \
                 (self.reactions is not None and self.reactions.must_look()):
             return
-        only_elapsed = not resource.is_quiet()
-        if only_elapsed and (self.observers or self.recorder or self._elapsed_judged
-                             or not resource.is_quiet(but_for_elapsed=True)):
+        rest = resource.rest()
+        if rest is None or not rest.still and (self.observers or self.recorder
+                                               or self._elapsed_judged):
             return
-        wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),
+        wakes = [limit_ns, self.suite.next_deadline_ns(), rest.until_ns,
                  self.plant.next_event_ns() if self.plant is not None else None,
                  self.player.next_event_ns() if self.player is not None else None]
-        target = resource.first_release_ns(min(w for w in wakes if w is not None))
+        target = resource.first_release_ns(min([w for w in wakes if w is not None]))
         if target >= limit_ns:
             target = resource.last_release_ns(limit_ns)
-        if target > self.t_ns and only_elapsed:
+        if target > self.t_ns and not rest.still:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
             skipped = resource.releases_between(self.t_ns, target)
