@@ -99,6 +99,8 @@ def _swapped(data: bytes, width: int) -> bytes:
     """Reverse the bytes of every element of `width` bytes."""
     if width == 1:
         return bytes(data)
+    if len(data) == width:
+        return data[::-1]
     elements = array(_CODES[width], data)
     elements.byteswap()
     return elements.tobytes()

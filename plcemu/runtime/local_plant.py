@@ -139,7 +139,7 @@ class LocalPlant:
     def _read(self) -> Mapping[str, PortValue]:
         """Bring the tags' values up to date; return the readings among them."""
         sensed, facts = self.coupling.sense(), self.coupling.plant.observe()
-        values = (*self._pick_sensors(sensed), *self._pick_facts(facts))
+        values = self._pick_sensors(sensed) + self._pick_facts(facts)
         if values != self._values:
             self._values = values
         return sensed
