@@ -104,10 +104,11 @@ class Memory:
         if self._shown == before:
             return ()
         owner, readers, block = self._owner, self._readers, self.block
-        found = {tag for byte in _set_bytes(before ^ self._shown)
-                 for tag in owner.get(byte, ())}
-        changed = [(i, *readers[i]) for i in sorted(found)]
-        return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
+        found: set[int] = set()
+        for byte in _set_bytes(before ^ self._shown):
+            found.update(owner.get(byte, ()))
+        return tuple([(i, unpack(block, offset)[0])
+                      for i in sorted(found) for unpack, offset in (readers[i],)])
 
     @property
     def shown(self) -> bytes:

@@ -155,7 +155,7 @@ class Cycle:
     def _begin(self) -> None:
         """Let the next frame be one that holds every tag."""
         every = self._own.every
-        self._sources = self._own.sources
+        self._ask = [source.values for source in self._own.sources]
         self._last: list[Sequence[Value | None]] = [() for _ in every]
         self._bases = list(accumulate([len(self.resource.memory.tags),
                                        *(len(s.tags) for s in every)]))
@@ -300,9 +300,10 @@ class Cycle:
         if self.reactions is not None:
             self.reactions.after_judging(t_ns)
         if changes or self.suite.undecided != undecided:
-            verdicts = self._moved(len(self._sources), self._own.verdicts.values())
-            if verdicts:
-                frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
+            verdicts = self._own.verdicts.values()
+            if verdicts is not self._last[-1]:
+                moved = self._moved(len(self._last) - 1, verdicts)
+                frame = Frame(t_ns, self.scan_number, (*changes, *moved))
         for observer in self.observers:
             observer.observe(frame)
         if self.state_observers:
@@ -325,18 +326,19 @@ class Cycle:
                         zip(self._judged_times, now, self._times, strict=True)
                         if new != old and i not in told]
             self._times_run, self._times = now != self._times, now
-        for n, source in enumerate(self._sources):
-            now = source.values()
-            if now is not self._last[n]:
+        last = self._last
+        for n, values in enumerate(self._ask):
+            now = values()
+            if now is not last[n]:
                 changes += self._moved(n, now)
         return tuple(changes)
 
     def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
-        if now is before or now == before:
-            return []
         self._last[n] = now
+        if now == before:
+            return []
         return list(compress(enumerate(now, base), map(ne, now, before)) if before
                     else enumerate(now, base))
 
@@ -374,7 +376,7 @@ class Cycle:
         if point.shown is not None:
             self._started = True
             self.resource.memory.shown = point.shown[0]
-            self._last = [list(values) for values in point.shown[1]]
+            self._last = list(point.shown[1])
 
     def tell_all(self) -> None:
         """Let the next frame hold every tag, as the first one does."""
