@@ -13,6 +13,12 @@ from plcemu.ir.program import Block, Layout
 
 _CLOCK = struct.Struct("<qq")
 
+_Place = tuple[int, Callable[[Block, int], tuple[Value]], int]
+_KNOWN_LIMIT = 4096
+"""Differences between two images whose tags are remembered; then they are found anew."""
+_KNOWN_BELOW = 1 << 8 * 64
+"""Only differences within 64 bytes are remembered."""
+
 
 class Memory:
     """One flat block of bytes; snapshot, restore and compare are operations on it.
@@ -49,6 +55,7 @@ class Memory:
             i for i, (offset, _) in enumerate(self._slots) if offset in idle)
         """The tags of clocks that the program does not read: they run without being a change."""
         self._owner = self._owners(idle)
+        self._known: dict[tuple[int, int], list[_Place]] = {}
         self._shown = self._now()
 
     def _owners(self, idle: set[int]) -> dict[int, list[int]]:
@@ -101,14 +108,29 @@ class Memory:
     def changes(self) -> tuple[Change, ...]:
         """Return the tags that changed since the last call (or `values`), with their values."""
         before, self._shown = self._shown, self._now()
-        if self._shown == before:
+        difference = before ^ self._shown
+        if not difference:
             return ()
-        owner, readers, block = self._owner, self._readers, self.block
+        block = self.block
+        # Mostly a few neighbouring bytes differ, and the same ones in the same bits again and again.
+        first = (difference & -difference).bit_length() - 1 >> 3
+        stretch = difference >> 8 * first
+        changed = self._known.get((first, stretch))
+        if changed is None:
+            changed = self._changed(first, stretch)
+        return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
+
+    def _changed(self, first: int, stretch: int) -> list[_Place]:
+        """Return index, reader and offset of the tags whose bytes differ, from a byte on."""
         found: set[int] = set()
-        for byte in _set_bytes(before ^ self._shown):
-            found.update(owner.get(byte, ()))
-        return tuple([(i, unpack(block, offset)[0])
-                      for i in sorted(found) for unpack, offset in (readers[i],)])
+        for byte in _set_bytes(stretch):
+            found.update(self._owner.get(first + byte, ()))
+        changed = [(i, *self._readers[i]) for i in sorted(found)]
+        if stretch < _KNOWN_BELOW:
+            if len(self._known) >= _KNOWN_LIMIT:
+                self._known.clear()
+            self._known[first, stretch] = changed
+        return changed
 
     @property
     def shown(self) -> bytes:
@@ -169,13 +191,6 @@ def differing_bytes(before: bytes, after: bytes) -> list[int]:
 
 
 def _set_bytes(number: int) -> list[int]:
-    """Return the places of the bytes of a number that are not zero, the lowest first.
-
-    Mostly only a few neighbours are: only the stretch from the first to the last is looked at.
-    """
-    if not number:
-        return []
-    first = (number & -number).bit_length() - 1 >> 3
-    stretch = number >> 8 * first
-    raw = stretch.to_bytes(stretch.bit_length() + 7 >> 3, "little")
-    return [first + byte for run in _NOT_ZERO.finditer(raw) for byte in range(*run.span())]
+    """Return the places of the bytes of a number that are not zero, the lowest first."""
+    raw = number.to_bytes(number.bit_length() + 7 >> 3, "little")
+    return [byte for run in _NOT_ZERO.finditer(raw) for byte in range(*run.span())]

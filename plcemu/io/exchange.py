@@ -99,8 +99,6 @@ def _swapped(data: bytes, width: int) -> bytes:
     """Reverse the bytes of every element of `width` bytes."""
     if width == 1:
         return bytes(data)
-    if len(data) == width:
-        return data[::-1]
     elements = array(_CODES[width], data)
     elements.byteswap()
     return elements.tobytes()
@@ -121,15 +119,23 @@ class Waiting(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A part of the extent of this number: where it stands in memory, in the image, and how far
-    from the extent's beginning in memory.
-    """
+    """A part of an extent: where it stands in memory and in the image, what converts its bytes."""
 
-    number: int
-    extent: Extent
     in_memory: slice
     in_image: slice
-    ahead: int
+    to_image: Callable[[bytes], bytes]
+    to_memory: Callable[[bytes], bytes]
+
+
+def _part(extent: Extent) -> _Part:
+    to_image, to_memory = extent.to_image, extent.to_memory
+    if extent.count == 1 and not extent.is_bits:
+        to_image = to_memory = _reversed
+    return _Part(extent.memory_slice, extent.image_slice, to_image, to_memory)
+
+
+def _reversed(element: bytes) -> bytes:
+    return element[::-1]
 
 
 class _Target(NamedTuple):
@@ -267,8 +273,10 @@ class Exchange:
         self._extents = tuple(extents)
         self._by_area = _grouped(self._extents)
         self._targets: dict[tuple[str, int, int], _Target] = {}
-        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
-        self._last_raw: list[bytes] = [b""] * len(self._extents)
+        self._parts = [(e.area, _part(e)) for e in self._extents]
+        # What the image shows of memory up to its last extent; empty if that is not known.
+        self._end = max((e.memory_slice.stop for e in self._extents), default=0)
+        self._shown = bytearray()
 
     def port(self, name: str) -> Port:
         """Return a new client's view."""
@@ -341,7 +349,7 @@ class Exchange:
             image[:] = point.image[begin:begin + len(image)]
             begin += len(image)
         self._forces = dict(point.forces)
-        self._last_raw = [b""] * len(self._extents)
+        self._shown = bytearray()
 
     def rebind(self, memory: bytearray | memoryview, extents: Sequence[Extent],
                place: Callable[[int, int], int | None]) -> list[int]:
@@ -379,8 +387,10 @@ class Exchange:
                 self._latch(write)
                 if write.area[0] == "I":
                     self.writers.add(write.port.name)
-                write.port.latched()
-        self._apply_forces()
+            for port in {write.port for write in waiting}:
+                port.latched()
+        if self._forces:
+            self._apply_forces()
 
     def _latch(self, write: _Write) -> None:
         """Put a write into the image and, where the program uses it, into memory.
@@ -392,16 +402,18 @@ class Exchange:
             _merge(self._memory, offset, data, mask)
             return
         parts, whole = self._target(area, offset, len(data))
-        image, memory = self._image[area], self._memory
+        image, memory, shown = self._image[area], self._memory, self._shown
         if mask is not None or not whole:
-            for _, extent, in_memory, in_image, _ in parts:
-                image[in_image] = extent.to_image(bytes(memory[in_memory]))
-        _merge(image, offset, data, mask)
-        for n, extent, in_memory, in_image, ahead in parts:
-            raw = memory[in_memory] = extent.to_memory(bytes(image[in_image]))
-            # Here image and memory say the same now; the rest is as it was last published.
-            if published := self._last_raw[n]:
-                self._last_raw[n] = published[:ahead] + raw + published[ahead + len(raw):]
+            for part in parts:
+                image[part.in_image] = part.to_image(bytes(memory[part.in_memory]))
+        if mask is None:
+            image[offset:offset + len(data)] = data
+        else:
+            _merge(image, offset, data, mask)
+        for in_memory, in_image, _, to_memory in parts:
+            raw = memory[in_memory] = to_memory(bytes(image[in_image]))
+            if shown:
+                shown[in_memory] = raw  # here image and memory say the same now
         if area[0] != "I":
             self.version += 1
 
@@ -411,10 +423,8 @@ class Exchange:
         if target is None:
             if len(self._targets) >= TARGETS_LIMIT:
                 self._targets.clear()
-            found = [(k, part) for k in self._by_area.get(area, ())
-                     if (part := self._extents[k].part(offset, offset + n)) is not None]
-            parts = tuple(_Part(k, part, part.memory_slice, part.image_slice,
-                                part.offset - self._extents[k].offset) for k, part in found)
+            found = [self._extents[k].part(offset, offset + n) for k in self._by_area.get(area, ())]
+            parts = tuple(_part(part) for part in found if part is not None)
             whole = all(offset <= part.in_image.start and part.in_image.stop <= offset + n
                         for part in parts)
             target = self._targets[area, offset, n] = _Target(parts, whole)
@@ -422,14 +432,17 @@ class Exchange:
 
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""
-        self._apply_forces()
-        memory, last_raw = self._memory, self._last_raw
-        for i, (in_memory, in_image, image) in enumerate(self._places):
-            raw = bytes(memory[in_memory])
-            if raw != last_raw[i]:
-                last_raw[i] = raw
-                image[in_image] = self._extents[i].to_image(raw)
+        if self._forces:
+            self._apply_forces()
+        shown, now = self._shown, bytes(self._memory[:self._end])
+        if now == shown:
+            return
+        for area, part in self._parts:
+            raw = now[part.in_memory]
+            if raw != shown[part.in_memory]:
+                self._image[area][part.in_image] = part.to_image(raw)
                 self.version += 1
+        self._shown = bytearray(now)
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():
