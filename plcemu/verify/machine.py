@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from plcemu.base.errors import PlcemuError
+from plcemu.engine.batch import Batch, Shape
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Block, Program
@@ -31,7 +32,8 @@ class ScanMachine:
         program = resource.program
         self.resource = resource
         self._block = resource.engine.block
-        self._code = resource.engine.prepare(_simple_runs(program, resource))
+        self._runs = _simple_runs(program, resource)
+        self._code = resource.engine.prepare(self._runs)
         self._places = [_place(program, point) for point in inputs]
         self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
         self._size = len(program.layout.initial)
@@ -67,6 +69,16 @@ class ScanMachine:
         self._code.repeat(1, elapsed_ns)
         self.scans += 1
         return bytes(block)
+
+    def batch(self, watched: Sequence[int]) -> Batch:
+        """Return what makes many scans at once, and tells bytes at these offsets apart.
+
+        Its inputs are the data of an image in their order; the memories it returns are reduced.
+        Who uses it counts the scans.
+        """
+        mask, rest = (number.to_bytes(self._size, "little") for number in (self._mask, self._rest))
+        return self.resource.engine.batch(
+            self._runs, Shape([place for place, _ in self._stretches], mask, rest, watched))
 
 
 def mask_of(size: int, offsets: Iterable[int] | None) -> int:
