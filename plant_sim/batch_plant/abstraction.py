@@ -10,19 +10,25 @@ for good; the fact that says why is then true.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations, compress, product
+from operator import itemgetter
 from typing import NamedTuple
 
 from plant_sim.abstraction import AbstractionError
 from plant_sim.batch_plant.layout import TANKS, TRANSFERS
 from plant_sim.batch_plant.loads import CONTENTS, content_of, read_tanks, tanks_of_load
 from plant_sim.batch_plant.parameters import BatchParameters
-from plant_sim.batch_plant.processes import PROCESSES, Process
+from plant_sim.batch_plant.processes import PROCESSES
 from plant_sim.contract import Fact, FactValue, PortValue
 from plant_sim.parameters import ParameterError
 
 NAMES = tuple(tank.name for tank in TANKS)
-_CAPACITY_L = {tank.name: float(tank.capacity_l) for tank in TANKS}
+_CAPACITY_L = [float(tank.capacity_l) for tank in TANKS]
+_CHANGES = {p.name: [(NAMES.index(tank), change) for tank, change in p.changes.items()]
+            for p in PROCESSES.values()}
+"""Process -> for each of its tanks, the tank's place in `State.tanks` and what becomes of it."""
+_ACTUATORS = tuple(sorted(frozenset().union(*(p.actuators for p in PROCESSES.values()))))
+_states_of = itemgetter(*_ACTUATORS)
 
 FACTS = (
     Fact("overflow", "bool", "", "some tank has overflowed"),
@@ -31,6 +37,8 @@ FACTS = (
 )
 
 ORDER, OVERFLOW, MIXTURE, INTERRUPTED = "", "overflow", "forbidden_mixture", "interrupted"
+_OBSERVED = {trouble: {fact.name: trouble == fact.name for fact in FACTS}
+             for trouble in (ORDER, OVERFLOW, MIXTURE, INTERRUPTED)}
 
 
 class Running(NamedTuple):
@@ -38,6 +46,10 @@ class Running(NamedTuple):
 
     process: str
     ended: bool
+
+
+_OPEN = {name: Running(name, False) for name in PROCESSES}
+_ENDED = {name: Running(name, True) for name in PROCESSES}
 
 
 class State(NamedTuple):
@@ -55,6 +67,18 @@ class Ends(tuple[str, ...]):
 
     def __str__(self) -> str:
         return f"{' and '.join(self)} end{'s' if len(self) == 1 else ''}"
+
+
+class _Switching(NamedTuple):
+    """What becomes of running processes when actuators are switched.
+
+    Attributes:
+        kept: those that go on; None if one would be stopped before its end.
+        begins: what else is switched on.
+    """
+
+    kept: tuple[Running, ...] | None
+    begins: tuple[str, ...]
 
 
 class BatchAbstraction:
@@ -86,7 +110,7 @@ class BatchAbstraction:
             self._names.setdefault(State(contents, (), ORDER), name)
         self._readings: dict[tuple[str, str, str], dict[str, float]] = {}
         self._sensed: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, PortValue]] = {}
-        self._wanted: dict[tuple[tuple[str, PortValue], ...], set[str]] = {}
+        self._switchings: dict[tuple[tuple[Running, ...], tuple[PortValue, ...]], _Switching] = {}
 
     def initial(self) -> Iterator[State]:
         """The states to begin in."""
@@ -122,24 +146,27 @@ class BatchAbstraction:
 
     def actuate(self, state: State, values: Mapping[str, PortValue]) -> State:
         """Begin what is switched on and possible; note what must not be."""
-        key = tuple(values.items())
-        wanted = self._wanted.get(key)
-        if wanted is None:
-            wanted = self._wanted[key] = _wanted(frozenset(n for n, v in key if v))
-        before = {row.process for row in state.running}
-        if state.trouble or before == wanted:
+        if state.trouble:
             return state
-        kept = [row for row in state.running if row.process in wanted]
-        if any(not row.ended for row in state.running if row.process not in wanted):
+        running = state.running
+        key = (running, _states_of(values))
+        switching = self._switchings.get(key)
+        if switching is None:
+            switching = self._switchings[key] = _switch(*key)
+        kept, begins = switching
+        if kept is None:
             return state._replace(trouble=INTERRUPTED)
-        tanks = dict(zip(NAMES, state.tanks, strict=True))
-        for name in sorted(wanted - before, key=_place_in_table):
-            trouble = _obstacle(PROCESSES[name], tanks, [r for r in kept if not r.ended])
+        if kept is running and not begins:
+            return state
+        now = list(kept)
+        for name in begins:
+            trouble = _obstacle(name, state.tanks, now)
             if trouble is None:
-                kept.append(Running(name, False))
+                now.append(_OPEN[name])
             elif trouble:
                 return state._replace(trouble=trouble)
-        return State(state.tanks, tuple(sorted(kept)), ORDER)
+        now.sort()
+        return State(state.tanks, tuple(now), ORDER)
 
     # What happens by itself
 
@@ -152,16 +179,16 @@ class BatchAbstraction:
 
     def after(self, state: State, action: Ends) -> State:
         """Contents change to what the processes leave."""
-        tanks = dict(zip(NAMES, state.tanks, strict=True))
+        tanks = list(state.tanks)
         for name in action:
-            for tank, change in PROCESSES[name].changes.items():
-                tanks[tank] = change[tanks[tank]]
-        running = tuple(Running(r.process, r.ended or r.process in action) for r in state.running)
-        return State(tuple(tanks.values()), running, state.trouble)
+            for at, change in _CHANGES[name]:
+                tanks[at] = change[tanks[at]]
+        running = [_ENDED[row.process] if row.process in action else row for row in state.running]
+        return State(tuple(tanks), tuple(running), state.trouble)
 
-    def observe(self, state: State) -> dict[str, FactValue]:
+    def observe(self, state: State) -> Mapping[str, FactValue]:
         """The values of the facts."""
-        return {fact.name: state.trouble == fact.name for fact in FACTS}
+        return _OBSERVED[state.trouble]
 
     # Weak fairness: a process that runs does not run for ever
 
@@ -178,6 +205,17 @@ def _place_in_table(process: str) -> int:
     return int(process[1:])
 
 
+def _switch(running: tuple[Running, ...], states: tuple[PortValue, ...]) -> _Switching:
+    """What becomes of running processes when actuators take these states, in their order."""
+    wanted = _wanted(frozenset(compress(_ACTUATORS, states)))
+    going = [row for row in running if row.process in wanted]
+    begins = sorted(wanted - {row.process for row in running}, key=_place_in_table)
+    if len(going) == len(running):
+        return _Switching(running, tuple(begins))
+    stopped = any(not row.ended for row in running if row.process not in wanted)
+    return _Switching(None if stopped else tuple(going), tuple(begins))
+
+
 def _wanted(on: frozenset[str]) -> set[str]:
     """The processes whose actuators are on; of two on one path the one with the mixer."""
     wanted = {p.name for p in PROCESSES.values() if p.actuators <= on}
@@ -187,20 +225,19 @@ def _wanted(on: frozenset[str]) -> set[str]:
     return wanted
 
 
-def _obstacle(process: Process, tanks: Mapping[str, str],
-              open_: Sequence[Running]) -> str | None:
+def _obstacle(process: str, tanks: Sequence[str], running: Sequence[Running]) -> str | None:
     """Why a process cannot begin as it should: None if it can, "" if nothing happens at all."""
-    busy = {tank for row in open_ for tank in PROCESSES[row.process].changes}
-    if not busy.isdisjoint(process.changes):
+    changes = _CHANGES[process]
+    busy = {at for row in running if not row.ended for at, _ in _CHANGES[row.process]}
+    if any(at in busy for at, _ in changes):
         return MIXTURE
-    changes = list(process.changes.items())
-    if all(tanks[tank] in change for tank, change in changes):
+    if all(tanks[at] in change for at, change in changes):
         return None
-    source, *sinks = changes
-    if tanks[source[0]] == "empty" or not sinks:
+    (source, _), *sinks = changes
+    if tanks[source] == "empty" or not sinks:
         return ORDER
-    sink = sinks[0][0]
-    added = content_of(tanks[source[0]]).volume_l / (2 if _is_double(tanks[source[0]]) else 1)
+    sink, _ = sinks[0]
+    added = content_of(tanks[source]).volume_l / (2 if _is_double(tanks[source]) else 1)
     full = float(content_of(tanks[sink]).volume_l + added) > _CAPACITY_L[sink]
     return OVERFLOW if full else MIXTURE
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Literal
 
+from plcemu.base.collector import paused_collector
 from plcemu.verify.system import A, Expanding, OneByOne, S, TransitionSystem
 
 Order = Literal["bfs", "dfs"]
@@ -156,6 +157,7 @@ class Graph(Generic[S, A]):
         return label
 
 
+@paused_collector()
 def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
             order: Order = "bfs",
             found: Callable[[int, S], bool] | None = None,

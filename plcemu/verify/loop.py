@@ -26,8 +26,8 @@ from plcemu.verify.views import FinitePlant, Views
 
 Merge = Literal["stable", "none"]
 
-TOGETHER = 1024
-"""Steps that are made together."""
+_ENOUGH = 128
+"""Steps that are asked for at once."""
 
 
 class Idle:
@@ -84,9 +84,9 @@ class ClosedLoop:
         self._frozen = frozen
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         looked_at = range(len(machine.initial)) if watched is None else sorted(watched)
-        self._views = Views(machine, plant, self.inputs, self.outputs, looked_at)
+        self._views = Views(machine, plant, self.inputs, self.outputs, watch, looked_at)
         self._settling: Settling = (Rounds if together else Settling)(
-            machine, self._views, watch, looked_at, told, merge == "none")
+            machine, self._views, told, merge == "none")
         self._starts: dict[Hashable, State] = {}
         self.origins: dict[State, Hashable] = {}
         """For each initial state found, a plant's initial state that leads to it."""
@@ -94,14 +94,14 @@ class ClosedLoop:
     @property
     def ever(self) -> int:
         """Bits of the watched formulas that held in any scan so far."""
-        return self._settling.ever
+        return self._views.ever
 
     # ------------------------------------------------------------ the transition system
 
     def initial(self) -> Iterator[State]:
         """The plant's initial states, each after the program's first scan or first rest."""
         plants = iter(self.plant.initial())
-        while some := list(islice(plants, TOGETHER)):
+        while some := list(islice(plants, _ENOUGH)):
             starts = [(self.machine.initial, plant) for plant in some]
             for plant, state in zip(some, self._settling.settled(starts, 0), strict=True):
                 self.origins.setdefault(state, plant)
@@ -136,7 +136,7 @@ class ClosedLoop:
         for state in states:
             rows.append(self.actions(state))
             starts.extend([(state.memory, self._after(state, action)) for action in rows[-1]])
-            if len(starts) >= TOGETHER:
+            if len(starts) >= _ENOUGH:
                 yield from self._expanded(rows, starts)
                 rows, starts = [], []
         yield from self._expanded(rows, starts)
@@ -179,7 +179,7 @@ class ClosedLoop:
     def raw_inputs(self, plant: Hashable) -> dict[str, int]:
         """The raw values of the inputs that a plant's state gives, by port name."""
         return {p.name: int.from_bytes(raw, "little")
-                for p, raw in zip(self.inputs, self._views.of(plant).raw, strict=True)}
+                for p, raw in zip(self.inputs, self._views.of(plant).inputs.raw, strict=True)}
 
 
 __all__ = ["IDLE", "ClosedLoop", "DoesNotSettle", "FinitePlant", "Merge", "State", "Trail"]

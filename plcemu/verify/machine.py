@@ -70,15 +70,14 @@ class ScanMachine:
         self.scans += 1
         return bytes(block)
 
-    def batch(self, watched: Sequence[int]) -> Batch:
-        """Return what makes many scans at once, and tells bytes at these offsets apart.
+    def batch(self, told: Sequence[int]) -> Batch:
+        """Return what makes many scans at once, and tells the bytes at these offsets.
 
-        Its inputs are the data of an image in their order; the memories it returns are reduced.
-        Who uses it counts the scans.
+        Its inputs are the data of an image in their order. Who uses it counts the scans.
         """
         mask, rest = (number.to_bytes(self._size, "little") for number in (self._mask, self._rest))
         return self.resource.engine.batch(
-            self._runs, Shape([place for place, _ in self._stretches], mask, rest, watched))
+            self._runs, Shape([place for place, _ in self._stretches], mask, rest, told))
 
 
 def mask_of(size: int, offsets: Iterable[int] | None) -> int:

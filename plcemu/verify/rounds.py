@@ -7,6 +7,7 @@ between Python and the engine.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 
 from plcemu.verify.settle import (
     SETTLES_WITHIN,
@@ -16,7 +17,10 @@ from plcemu.verify.settle import (
     State,
     reason_of,
 )
-from plcemu.verify.views import View
+
+
+MOST = 128
+"""Steps made together; with more, what is known of them outgrows the processor's cache."""
 
 
 class Rounds(Settling):
@@ -28,42 +32,46 @@ class Rounds(Settling):
         Raises:
             DoesNotSettle: the next one leads to none.
         """
-        for state in self._rounds(list(starts), elapsed_ns):
-            if state is None:
-                raise DoesNotSettle
-            yield state
+        starts = iter(starts)
+        while some := list(islice(starts, min(MOST, self.views.batch.capacity))):
+            for state in self._rounds(some, elapsed_ns):
+                if state is None:
+                    raise DoesNotSettle
+                yield state
 
     def _rounds(self, starts: list[Start], elapsed_ns: int) -> list[State | None]:
         """Return the states; None for those that do not settle."""
-        views, told, once, judge = self.views, self.told, self.once, self.judge
-        run, follow, outputs = views.batch.run, views.follow, views.outputs
-        found: list[State | None] = [None] * len(starts)
-        seen = [0] * len(starts)
-        memories = [memory for memory, _ in starts]
-        going = [(n, views.of(plant)) for n, (_, plant) in enumerate(starts)]
+        batch, outcome, once = self.views.batch, self.views.outcome, self.once
+        batch.load([memory for memory, _ in starts])
+        views = [self.views.of(plant) for _, plant in starts]
+        seen, faults = [0] * len(starts), [""] * len(starts)
+        going, at_once = list(range(len(starts))), []
         for scan in range(SETTLES_WITHIN):
             if not going:
                 break
-            ran = run(memories, [view.packed for _, view in going], elapsed_ns)
+            ran = batch.run(going, [views[n].inputs.packed for n in going], elapsed_ns)
             self.machine.scans += len(going) - len(ran.faults)
-            for at, fault in ran.faults.items():
-                number, view = going[at]
-                last = memories[at] if scan else self.machine.initial
-                found[number] = State(last, view.state, seen[number] & told, reason_of(fault))
-            on: list[tuple[int, View]] = []
-            on_memories: list[bytes] = []
-            for (number, view), before, memory, watched in zip(going, memories, ran.memories,
-                                                               ran.watched, strict=True):
-                if ran.faults and found[number] is not None:
+            goes_on = []
+            for at, (n, told, changed) in enumerate(zip(going, ran.told, ran.changed, strict=True)):
+                if ran.faults and at in ran.faults:
+                    faults[n] = reason_of(ran.faults[at])
+                    at_once += [n] if scan == 0 else []
                     continue
-                holding = view.holding.get(watched)
-                seen[number] |= judge(memory, view, watched) if holding is None else holding
-                out = memory[outputs]
-                following = view.follows.get(out) or follow(view, out)
-                if once or (following is view and memory == before):
-                    found[number] = State(memory, following.state, seen[number] & told)
-                else:
-                    on.append((number, following))
-                    on_memories.append(memory)
-            going, memories = on, on_memories
+                view = views[n]
+                holding, following = view.outcomes.get(told) or outcome(view, told)
+                seen[n] |= holding
+                if following is not view:
+                    views[n] = following
+                elif not changed:
+                    continue
+                if not once:
+                    goes_on.append(n)
+            going = goes_on
+        found: list[State | None] = [
+            State(memory, view.state, bits & self.told, fault) for memory, view, bits, fault
+            in zip(batch.memories(), views, seen, faults, strict=True)]
+        for n in at_once:
+            found[n] = State(self.machine.initial, views[n].state, 0, faults[n])
+        for n in going:
+            found[n] = None
         return found

@@ -6,13 +6,12 @@ steps at once, and comes to the same states.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from typing import NamedTuple
 
 from plcemu.base.errors import PlcemuError, ProgramFault
-from plcemu.base.types import Value
 from plcemu.verify.machine import ScanMachine
-from plcemu.verify.views import View, Views
+from plcemu.verify.views import Outcome, View, Views
 
 class State(NamedTuple):
     """A state of the closed loop.
@@ -57,20 +56,13 @@ class Settling:
 
     Args:
         machine: the program's scan.
-        views: the plant.
-        watch: which watched formulas hold in one scan, as bits; asked of every scan.
-        watched: the bytes of memory that `watch` looks at, by offset.
-        told: the bits that are told in `State.seen`.
+        views: the plant, and what is watched.
+        told: the watched formulas, as bits, that are told in `State.seen`.
         once: whether every scan is a step of its own.
     """
 
-    def __init__(self, machine: ScanMachine, views: Views,
-                 watch: Callable[[bytes, Sequence[Value]], int], watched: Sequence[int],
-                 told: int, once: bool) -> None:
-        self.machine, self.views = machine, views
-        self.watch, self.watched, self.told, self.once = watch, watched, told, once
-        self.ever = 0
-        """Bits of the watched formulas that held in any scan so far."""
+    def __init__(self, machine: ScanMachine, views: Views, told: int, once: bool) -> None:
+        self.machine, self.views, self.told, self.once = machine, views, told, once
 
     def settled(self, starts: Iterable[Start], elapsed_ns: int) -> Iterator[State]:
         """Yield the states that steps lead to.
@@ -84,13 +76,13 @@ class Settling:
     def step(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> Trail:
         """Return the scans of a step; the plant follows the outputs after each."""
         scans: list[tuple[bytes, Hashable]] = []
-        machine, views = self.machine, self.views
-        view, before = views.of(plant), machine.reduced(memory)
+        machine, view, before = self.machine, self.views.of(plant), self.machine.reduced(memory)
         try:
             for _ in range(SETTLES_WITHIN):
-                memory = machine.scan(memory, view.image, elapsed_ns)
+                memory = machine.scan(memory, view.inputs.image, elapsed_ns)
                 scans.append((memory, view.state))
-                following, after = views.following(view, memory), machine.reduced(memory)
+                after = machine.reduced(memory)
+                _, following = self._outcome(after, view)
                 rests = following is view and after == before
                 view, before = following, after
                 if rests or self.once:
@@ -104,21 +96,12 @@ class Settling:
         scans, plant, fault = step
         seen = 0
         for memory, seen_plant in scans:
-            seen |= self._holding(memory, self.views.of(seen_plant))
+            seen |= self._outcome(self.machine.reduced(memory), self.views.of(seen_plant))[0]
         last = self.machine.reduced(scans[-1][0]) if scans else self.machine.initial
         return State(last, plant, seen & self.told, fault)
 
-    def _holding(self, memory: bytes, view: View) -> int:
-        """Return which watched formulas hold in a scan."""
-        key = bytes([memory[n] for n in self.watched])
-        holding = view.holding.get(key)
-        return self.judge(memory, view, key) if holding is None else holding
-
-    def judge(self, memory: bytes, view: View, watched: bytes) -> int:
-        """Ask it of one scan, for all with the same watched bytes and facts; they are few."""
-        holding = view.holding[watched] = self.watch(memory, view.facts)
-        self.ever |= holding
-        return holding
+    def _outcome(self, memory: bytes, view: View) -> Outcome:
+        return self.views.outcome(view, bytes([memory[n] for n in self.views.told]))
 
 
 def reason_of(fault: ProgramFault) -> str:

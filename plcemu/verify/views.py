@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from operator import itemgetter
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
@@ -33,87 +33,124 @@ class FinitePlant(Protocol):
     def done(self, action: Any) -> Collection[str]: ...
 
 
+class Inputs(NamedTuple):
+    """What a plant's sensors read.
+
+    Attributes:
+        raw: the raw bytes of each input.
+        image: the same as it is written into memory.
+        packed: the same as a batch of scans takes it.
+    """
+
+    raw: list[bytes]
+    image: Image
+    packed: bytes
+
+
 class View:
     """A plant's state.
 
     Attributes:
         state: the plant's own.
-        raw: what its sensors read as the raw bytes of each input.
-        image: the same as it is written into memory.
-        packed: the same as a batch of scans takes it.
-        facts: the values of the plant's facts.
-        holding: watched bytes of memory -> which watched formulas hold; one for all views with these
-            facts.
-        follows: outputs as they stand in memory -> the plant once its actuators follow them.
+        inputs: what its sensors read.
+        facts: the values of its facts.
+        outcomes: what scans that see it tell of memory -> what that means.
     """
 
-    __slots__ = ("facts", "follows", "holding", "image", "packed", "raw", "state")
+    __slots__ = ("facts", "inputs", "outcomes", "state")
 
-    def __init__(self, state: Hashable, inputs: tuple[list[bytes], Image, bytes],
-                 facts: tuple[Value, ...], holding: dict[bytes, int]) -> None:
-        self.state, self.facts, self.holding = state, facts, holding
-        self.raw, self.image, self.packed = inputs
-        self.follows: dict[bytes, View] = {}
+    def __init__(self, state: Hashable, inputs: Inputs, facts: tuple[Value, ...]) -> None:
+        self.state, self.inputs, self.facts = state, inputs, facts
+        self.outcomes: dict[bytes, Outcome] = {}
+
+
+Outcome = tuple[int, View]
+"""Which watched formulas hold after a scan, as bits, and the plant that follows its outputs."""
 
 
 class Views:
-    """All states of a plant that were looked at.
+    """All states of a plant that were looked at, and what scans meant to them.
 
     Args:
         machine: the program's scan.
         plant: the abstraction.
         inputs: where the plant's readings go.
         outputs: what its actuators follow.
-        watched: the bytes of memory that are told apart in a batch of scans.
+        watch: which watched formulas hold in one scan, as bits.
+        watched: the bytes of memory that `watch` looks at, by offset.
     """
 
     def __init__(self, machine: ScanMachine, plant: FinitePlant, inputs: Sequence[Point],
-                 outputs: Sequence[Point], watched: Sequence[int]) -> None:
+                 outputs: Sequence[Point], watch: Callable[[bytes, Sequence[Value]], int],
+                 watched: Sequence[int]) -> None:
         self._machine, self._plant, self._inputs = machine, plant, inputs
-        self.batch = machine.batch(watched)
-        places = [(p, place_of(machine.resource.program, p)) for p in outputs]
-        self.outputs = _outputs(places)
-        """The stretch of memory in which all outputs stand."""
-        self._places = [(p, None if at is None else at - self.outputs.start) for p, at in places]
+        self._watch, self._watched = watch, watched
+        self._actuators: list[tuple[Point, slice]] = []
+        told: list[int] = []
+        for point in outputs:
+            at, begin = place_of(machine.resource.program, point), len(told)
+            told.extend(range(at, at + point.width) if at is not None else ())
+            self._actuators.append((point, slice(begin, len(told))))
+        self._outputs = len(told)
+        self.told = (*told, *watched)
+        """The bytes of memory that must be known of every scan: outputs, then watched ones."""
+        self.batch = machine.batch(self.told)
         self._readings = _getter([p.name for p in inputs])
         self._fact_values = _getter([f.name for f in plant.facts])
         self._views: dict[Hashable, View] = {}
         self._raw: dict[tuple[int, Any], bytes] = {}
-        self._images: dict[tuple[Any, ...], tuple[list[bytes], Image, bytes]] = {}
+        self._seen: dict[tuple[Any, ...], Inputs] = {}
         self._values: dict[bytes, dict[str, Any]] = {}
-        self._holding: dict[tuple[Value, ...], dict[bytes, int]] = {}
+        self._holding: dict[tuple[bytes, tuple[Value, ...]], int] = {}
+        self.ever = 0
+        """Bits of the watched formulas that held in any scan so far."""
 
     def of(self, plant: Hashable) -> View:
         """Return a plant's state as the loop uses it."""
         found = self._views.get(plant)
         if found is None:
             readings = self._readings(self._plant.sense(plant))
-            inputs = self._images.get(readings)
+            inputs = self._seen.get(readings)
             if inputs is None:
                 raw = [self._raw_of(n, value) for n, value in enumerate(readings)]
                 image = self._machine.image(raw)
                 packed = self.batch.image([data for _, data in image])
-                inputs = self._images[readings] = raw, image, packed
+                inputs = self._seen[readings] = Inputs(raw, image, packed)
             facts = self._fact_values(self._plant.observe(plant))
-            holding = self._holding.get(facts)
+            found = self._views[plant] = View(plant, inputs, facts)
+        return found
+
+    def outcome(self, view: View, told: bytes) -> Outcome:
+        """Return what a scan means that saw a plant's state.
+
+        Args:
+            view: the plant's state.
+            told: the bytes of memory after the scan that `self.told` names.
+        """
+        found = view.outcomes.get(told)
+        if found is None:
+            outputs, watched = told[:self._outputs], told[self._outputs:]
+            values = self._values.get(outputs)
+            if values is None:
+                values = self._values[outputs] = {
+                    p.name: p.to_value(int.from_bytes(outputs[at], "little"))
+                    for p, at in self._actuators}
+            holding = self._holding.get((watched, view.facts))
             if holding is None:
-                holding = self._holding[facts] = {}
-            found = self._views[plant] = View(plant, inputs, facts, holding)
+                holding = self._holding[watched, view.facts] = self._judge(watched, view.facts)
+            state = self._plant.actuate(view.state, values)
+            found = holding, view if state is view.state else self.of(state)
+            view.outcomes[told] = found
         return found
 
-    def following(self, view: View, memory: bytes) -> View:
-        """Return the plant once its actuators follow the outputs in memory."""
-        outputs = memory[self.outputs]
-        return view.follows.get(outputs) or self.follow(view, outputs)
-
-    def follow(self, view: View, outputs: bytes) -> View:
-        """Ask the plant what follows outputs, given as they stand in memory."""
-        values = self._values.get(outputs)
-        if values is None:
-            values = self._values[outputs] = {p.name: _actuator(p, at, outputs)
-                                              for p, at in self._places}
-        found = view.follows[outputs] = self.of(self._plant.actuate(view.state, values))
-        return found
+    def _judge(self, watched: bytes, facts: tuple[Value, ...]) -> int:
+        """Ask which watched formulas hold; of memory they see nothing else."""
+        memory = bytearray(self._machine.initial)
+        for offset, byte in zip(self._watched, watched, strict=True):
+            memory[offset] = byte
+        holding = self._watch(bytes(memory), facts)
+        self.ever |= holding
+        return holding
 
     def _raw_of(self, number: int, value: Any) -> bytes:
         """Return a reading as the raw bytes of its input."""
@@ -129,15 +166,3 @@ def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
     if len(names) > 1:
         return itemgetter(*names)
     return lambda values: tuple([values[name] for name in names])
-
-
-def _actuator(point: Point, at: int | None, outputs: bytes) -> bool | float:
-    """Return an actuator's value; one whose output the program does not use stays off."""
-    raw = b"" if at is None else outputs[at:at + point.width]
-    return point.to_value(int.from_bytes(raw, "little"))
-
-
-def _outputs(places: Sequence[tuple[Point, int | None]]) -> slice:
-    """Return the stretch of memory in which all outputs stand."""
-    used = [(at, at + p.width) for p, at in places if at is not None]
-    return slice(min((a for a, _ in used), default=0), max((b for _, b in used), default=0))
