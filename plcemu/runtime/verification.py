@@ -103,8 +103,13 @@ def load_demands(config: Config, names: list[str] | None = None) -> list[Propert
     return [known[name.casefold()] for name in names]
 
 
-def make_prover(config: Config, names: list[str] | None = None) -> Prover:
+def make_prover(config: Config, names: list[str] | None = None, together: bool = True) -> Prover:
     """Return the prover of a configuration.
+
+    Args:
+        config: the configuration.
+        names: of the properties to be proved; all if None.
+        together: see `Prover`.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -123,7 +128,7 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
     else:
         plant = make_abstraction(config)
     return Prover(make_resource(config, program), plant, inputs, wiring.outputs,
-                  config.cycle, properties, section.merge, _frozen(config))
+                  config.cycle, properties, section.merge, _frozen(config), together)
 
 
 def fires_once(config: Config) -> bool:

@@ -195,18 +195,16 @@ def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
     while frontier and not graph.reason:
         taken = [frontier.popleft() for _ in range(min(len(frontier), _LOOK_EVERY))] \
             if order == "bfs" else [frontier.pop()]
-        twin_of = [first_alike(source) for source in taken]
-        rows = many.expand([graph.states[source] for source, twin in zip(taken, twin_of, strict=True)
-                            if source == twin])
-        for left, (source, twin) in zip(range(len(taken) - 1, -1, -1),
-                                        zip(taken, twin_of, strict=True), strict=True):
+        pairs = [(source, first_alike(source)) for source in taken]
+        rows = many.expand([graph.states[source] for source, twin in pairs if source == twin])
+        for at, (source, twin) in enumerate(pairs, 1):
             if source == twin:
                 graph._expand(source, next(rows), discover)
             else:
                 graph._expand_like(source, twin)
             looked += 1
             if looked % _LOOK_EVERY == 0 or len(graph) > limits.states:
-                progress = Progress(len(graph), graph.edges, len(frontier) + left,
+                progress = Progress(len(graph), graph.edges, len(frontier) + len(pairs) - at,
                                     time.monotonic() - begin, used_mb())
                 if on_progress is not None:
                     on_progress(progress)

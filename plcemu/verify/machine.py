@@ -36,6 +36,8 @@ class ScanMachine:
         self._code = resource.engine.prepare(self._runs)
         self._places = [_place(program, point) for point in inputs]
         self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
+        self.order = [n for _, numbers in self._stretches for n in numbers]
+        """The numbers of the inputs as they follow one another in memory."""
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
         self.has_clocks = any(c.observed for c in program.layout.clocks)
@@ -73,7 +75,7 @@ class ScanMachine:
     def batch(self, told: Sequence[int]) -> Batch:
         """Return what makes many scans at once, and tells the bytes at these offsets.
 
-        Its inputs are the data of an image in their order. Who uses it counts the scans.
+        Its inputs are raw values in `order`. Who uses it counts the scans.
         """
         mask, rest = (number.to_bytes(self._size, "little") for number in (self._mask, self._rest))
         return self.resource.engine.batch(

@@ -100,6 +100,7 @@ class Prover:
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
+        together: whether many steps are made at once; if not, one after the other, as is readable.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -108,7 +109,8 @@ class Prover:
 
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
-                 merge: Merge = "stable", frozen: Formula | None = None) -> None:
+                 merge: Merge = "stable", frozen: Formula | None = None,
+                 together: bool = True) -> None:
         self.cycle_ns, self.properties = cycle_ns, list(properties)
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
@@ -132,7 +134,7 @@ class Prover:
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
                                self.predicates.mask(formulas), looked_at,
                                (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None)
+                               self.predicates.test(frozen) if frozen else None, together)
         self.cuts = self._cuts(kept, merge)
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")

@@ -18,7 +18,6 @@ from plcemu.verify.settle import (
     reason_of,
 )
 
-
 MOST = 128
 """Steps made together; with more, what is known of them outgrows the processor's cache."""
 

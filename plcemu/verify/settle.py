@@ -13,6 +13,7 @@ from plcemu.base.errors import PlcemuError, ProgramFault
 from plcemu.verify.machine import ScanMachine
 from plcemu.verify.views import Outcome, View, Views
 
+
 class State(NamedTuple):
     """A state of the closed loop.
 
@@ -79,7 +80,7 @@ class Settling:
         machine, view, before = self.machine, self.views.of(plant), self.machine.reduced(memory)
         try:
             for _ in range(SETTLES_WITHIN):
-                memory = machine.scan(memory, view.inputs.image, elapsed_ns)
+                memory = machine.scan(memory, machine.image(view.inputs.raw), elapsed_ns)
                 scans.append((memory, view.state))
                 after = machine.reduced(memory)
                 _, following = self._outcome(after, view)

@@ -1,4 +1,4 @@
-"""A finite plant as the closed loop uses it: its states as bytes to be scanned, each looked at once.
+"""A finite plant as the closed loop uses it: its states as bytes to be scanned, looked at once.
 
 A plant is asked once what its sensors read in a state, and once what follows certain outputs.
 """
@@ -12,9 +12,6 @@ from typing import Any, NamedTuple, Protocol
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
 from plcemu.verify.machine import ScanMachine, place_of
-
-Image = list[tuple[slice, bytes]]
-"""Inputs as stretches of memory to be written; see `ScanMachine.image`."""
 
 
 class FinitePlant(Protocol):
@@ -38,12 +35,10 @@ class Inputs(NamedTuple):
 
     Attributes:
         raw: the raw bytes of each input.
-        image: the same as it is written into memory.
         packed: the same as a batch of scans takes it.
     """
 
     raw: list[bytes]
-    image: Image
     packed: bytes
 
 
@@ -83,7 +78,7 @@ class Views:
     def __init__(self, machine: ScanMachine, plant: FinitePlant, inputs: Sequence[Point],
                  outputs: Sequence[Point], watch: Callable[[bytes, Sequence[Value]], int],
                  watched: Sequence[int]) -> None:
-        self._machine, self._plant, self._inputs = machine, plant, inputs
+        self._machine, self._plant = machine, plant
         self._watch, self._watched = watch, watched
         self._actuators: list[tuple[Point, slice]] = []
         told: list[int] = []
@@ -98,7 +93,7 @@ class Views:
         self._readings = _getter([p.name for p in inputs])
         self._fact_values = _getter([f.name for f in plant.facts])
         self._views: dict[Hashable, View] = {}
-        self._raw: dict[tuple[int, Any], bytes] = {}
+        self._raw = [_Raw(point) for point in inputs]
         self._seen: dict[tuple[Any, ...], Inputs] = {}
         self._values: dict[bytes, dict[str, Any]] = {}
         self._holding: dict[tuple[bytes, tuple[Value, ...]], int] = {}
@@ -112,10 +107,9 @@ class Views:
             readings = self._readings(self._plant.sense(plant))
             inputs = self._seen.get(readings)
             if inputs is None:
-                raw = [self._raw_of(n, value) for n, value in enumerate(readings)]
-                image = self._machine.image(raw)
-                packed = self.batch.image([data for _, data in image])
-                inputs = self._seen[readings] = Inputs(raw, image, packed)
+                raw = [table[value] for table, value in zip(self._raw, readings, strict=True)]
+                packed = self.batch.image([raw[n] for n in self._machine.order])
+                inputs = self._seen[readings] = Inputs(raw, packed)
             facts = self._fact_values(self._plant.observe(plant))
             found = self._views[plant] = View(plant, inputs, facts)
         return found
@@ -152,12 +146,17 @@ class Views:
         self.ever |= holding
         return holding
 
-    def _raw_of(self, number: int, value: Any) -> bytes:
-        """Return a reading as the raw bytes of its input."""
-        raw = self._raw.get((number, value))
-        if raw is None:
-            point = self._inputs[number]
-            raw = self._raw[number, value] = point.to_raw(value).to_bytes(point.width, "little")
+
+class _Raw(dict[Any, bytes]):
+    """Readings of an input -> their raw bytes."""
+
+    def __init__(self, point: Point) -> None:
+        super().__init__()
+        self._point = point
+
+    def __missing__(self, value: Any) -> bytes:
+        point = self._point
+        raw = self[value] = point.to_raw(value).to_bytes(point.width, "little")
         return raw
 
 
