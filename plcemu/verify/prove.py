@@ -12,6 +12,7 @@ from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
+from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.verify.check import (
@@ -104,6 +105,7 @@ class Prover:
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
+        together: whether many steps are made at once; if not, one after the other, as is readable.
         time: how time is kept with `merge="timed"`; see `plcemu.verify.timing`.
 
     Raises:
@@ -114,7 +116,7 @@ class Prover:
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
-                 time: Time = "auto") -> None:
+                 together: bool = True, time: Time = "auto") -> None:
         self.cycle_ns, self.properties = cycle_ns, list(properties)
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
@@ -146,8 +148,8 @@ class Prover:
             self.checks = [suited(self.loop, self.predicates, check) for check in self.checks]
         else:
             self.loop = ClosedLoop(machine, plant, inputs, outputs, *watching, merge, cycle_ns,
-                                   self.predicates.test(frozen) if frozen else None)
-        self.cuts = self._cuts(kept, merge)
+                                   self.predicates.test(frozen) if frozen else None, together)
+        self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
 
@@ -235,6 +237,18 @@ class Prover:
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def _never_written(program: Program, inputs: Sequence[Point],
+                   kept: frozenset[int] | None) -> list[str]:
+    """Return, in words, which inputs of the program nothing writes in any run."""
+    driven = {place_of(program, point) for point in inputs}
+    tags = {slot.offset: slot.tag for slot in reversed(program.layout.slots)
+            if slot.tag.address.startswith("%I") and slot.offset not in driven
+            and (kept is None or slot.offset in kept)}
+    names = [f"{tag.name} ({tag.address})" for _, tag in sorted(tags.items())]
+    return [f"nothing writes the inputs {', '.join(names)}: they stay as at the start"] \
+        if names else []
 
 
 def backwards(graph: StateGraph, goal: Iterable[int]) -> set[int]:

@@ -29,6 +29,7 @@ from plcemu.io.mapping import Point
 from plcemu.verify.clocks import Clock, Lookout
 from plcemu.verify.loop import ClosedLoop, FinitePlant, State, Trail, nothing_watched
 from plcemu.verify.machine import ScanMachine
+from plcemu.verify.views import Outcome
 
 _CELL = struct.Struct("<qq")
 
@@ -88,7 +89,7 @@ class Single(NamedTuple):
     guard: Limits
 
 
-class Outcome(NamedTuple):
+class Entry(NamedTuple):
     """What something that happens leads to: a state but for its clocks, and those set to 0."""
 
     place: State
@@ -105,14 +106,14 @@ class Place:
         singles: what can happen, one by one.
         combined: combinations by the numbers of their singles: what happens, by the order in
             which the plant's events come if that makes a difference; none if they exclude others.
-        outcomes: what each leads to.
+        entries: what each leads to.
     """
 
     clocks: tuple[int, ...]
     latest: tuple[tuple[int, int], ...]
     singles: tuple[Single, ...]
     combined: dict[tuple[int, ...], list[Happens]] = field(default_factory=dict)
-    outcomes: dict[Happens, Outcome] = field(default_factory=dict)
+    entries: dict[Happens, Entry] = field(default_factory=dict)
 
 
 class TimedLoop(ClosedLoop):
@@ -129,7 +130,8 @@ class TimedLoop(ClosedLoop):
     def __init__(self, seen: Lookout, machine: ScanMachine, plant: TimedPlant,
                  inputs: Sequence[Point], outputs: Sequence[Point], watch: Any = nothing_watched,
                  watched: Any = None, told: int = -1) -> None:
-        super().__init__(machine, plant, inputs, outputs, watch, watched, told, "timed")
+        super().__init__(machine, plant, inputs, outputs, watch, watched, told, "timed",
+                         together=False)
         self.plant: TimedPlant = plant
         self.seen = seen
         self.own = seen.clocks
@@ -216,7 +218,7 @@ class TimedLoop(ClosedLoop):
                 Happens(order, expired, text) for order in self._orders(state.plant, events)]
             for each in found:
                 memory, trail = self._trail(state, each)
-                place.outcomes[each] = self._outcome(place, memory, trail, text)
+                place.entries[each] = self._entry(place, memory, trail, text)
         return found
 
     def _orders(self, plant: Any, events: tuple[Any, ...]) -> Collection[tuple[Any, ...]]:
@@ -259,9 +261,9 @@ class TimedLoop(ClosedLoop):
         memory = self.given(state.memory, happens.expired)
         return memory, self._settle(memory, plant)
 
-    def _outcome(self, place: Place | None, given: bytes, trail: Trail, text: str) -> Outcome:
+    def _entry(self, place: Place | None, given: bytes, trail: Trail, text: str) -> Entry:
         """Return where scans led, clocks of memory replaced by stand-ins of their classes."""
-        last = self._last(trail)
+        last = self._settling.last(trail)
         plant = self.plant.settled(last.plant)
         memory, resets = self._normal(last.memory, given, text)
         resets |= {self._number[name] for name in self.plant.restarted(last.plant)}
@@ -273,7 +275,7 @@ class TimedLoop(ClosedLoop):
                 raise PlcemuError(f"{text}: {', '.join(lost)} goes on from a value at which it "
                                   "stood still, which is not followed here: verify every scan "
                                   "(merge: none)")
-        return Outcome(target, frozenset(resets))
+        return Entry(target, frozenset(resets))
 
     def _normal(self, memory: bytes, given: bytes, text: str) -> tuple[bytes, set[int]]:
         block, resets = bytearray(memory), set()
@@ -290,9 +292,9 @@ class TimedLoop(ClosedLoop):
                                   "(merge: none)")
         return bytes(block), resets
 
-    def begin(self, plant: Hashable) -> Outcome:
+    def begin(self, plant: Hashable) -> Entry:
         """Return the place after the scans of a cold start; all clocks are at 0 there."""
-        return self._outcome(None, self.machine.initial, self.first_scans(plant), "cold start")
+        return self._entry(None, self.machine.initial, self.first_scans(plant), "cold start")
 
     # ------------------------------------------------------------ as a closed loop
 
@@ -307,13 +309,16 @@ class TimedLoop(ClosedLoop):
 
     def follow(self, plant: Hashable, memory: bytes) -> Hashable:
         """The plant once its actuators follow the outputs in memory."""
-        view = self._view(plant)
-        outputs = memory[self._hull]
-        return (view.follows.get(outputs) or self._follow(view, outputs)).state
+        return self._told(plant, memory)[1].state
 
     def scan_at(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
         """Memory after one real scan that sees a plant, once some time has passed."""
-        return self.machine.scan(memory, self._view(plant).image, elapsed_ns)
+        raw = self._views.of(plant).inputs.raw
+        return self.machine.scan(memory, self.machine.image(raw), elapsed_ns)
+
+    def _told(self, plant: Hashable, memory: bytes) -> Outcome:
+        told = bytes([memory[n] for n in self._views.told])
+        return self._views.outcome(self._views.of(plant), told)
 
     def first_scans(self, plant: Hashable) -> Trail:
         """The scans from a cold start to the initial state of that plant."""
@@ -321,7 +326,7 @@ class TimedLoop(ClosedLoop):
 
     def _settle(self, memory: bytes, plant: Hashable) -> Trail:
         try:
-            return self._step(memory, plant, 0)
+            return self._settling.step(memory, plant, 0)
         except AutomatonError as problem:
             raise PlcemuError(f"the finite plant: {problem}") from None
 
@@ -333,7 +338,7 @@ class TimedLoop(ClosedLoop):
 
     def resting(self, state: Any) -> int:
         """Which of the told formulas hold while time passes at a place."""
-        return self._holds(state.memory, self._view(state.plant).state) & self.told
+        return self._told(state.plant, state.memory)[0] & self._settling.told
 
     def pending(self, state: Any) -> Collection[str]:
         """Time, which passes without end; and what is pending in the plant."""
@@ -392,17 +397,17 @@ class IntegerTime(TimedLoop):
     def initial(self) -> Iterator[State]:
         """The places after a cold start."""
         for plant in self.plant.initial():
-            outcome = self.begin(plant)
-            state = self._state(outcome, {})
+            entry = self.begin(plant)
+            state = self._state(entry, {})
             self.origins.setdefault(state, plant)
             self._starts[plant] = state
             yield state
 
-    def _state(self, outcome: Outcome, values: Mapping[int, int]) -> State:
-        place = outcome.place
+    def _state(self, entry: Entry, values: Mapping[int, int]) -> State:
+        place = entry.place
         if place.fault:
             return place
-        clocks = tuple(0 if n in outcome.resets else values.get(n, 0)
+        clocks = tuple(0 if n in entry.resets else values.get(n, 0)
                        for n in self.place(place).clocks)
         return place._replace(clocks=clocks)
 
@@ -444,7 +449,7 @@ class IntegerTime(TimedLoop):
             clocks = tuple(min(v + action.units, self.largest[n] + 1)
                            for n, v in zip(place.clocks, state.clocks, strict=True))
             return state._replace(clocks=clocks, seen=self.resting(state))
-        return self._state(place.outcomes[action],
+        return self._state(place.entries[action],
                            dict(zip(place.clocks, state.clocks, strict=True)))
 
 

@@ -137,7 +137,7 @@ def _earliest(loop: TimedLoop, states: Sequence[State], actions: Sequence[Any]) 
             later.append((k, begin, low))
             if high is not None:
                 later.append((begin, k, -high))
-        set_at.update(dict.fromkeys(place.outcomes[action].resets, k))
+        set_at.update(dict.fromkeys(place.entries[action].resets, k))
     times = [0] * (len(actions) + 1)
     for _ in times:
         before = times[:]

@@ -80,9 +80,9 @@ def grounds(loop: TimedLoop, cycle_ns: int) -> list[str]:
     return [exact, assumed]
 
 
-_KINDS = {
-    IntegerTime: ("time passes by whole units of {}, up to the next instant at which anything can "
-                  "happen", "integer runs suffice then"),
+_KINDS: dict[type, tuple[str, str]] = {
+    IntegerTime: ("time passes by whole units of {} up to the next instant at which anything can be",
+                  "integer runs suffice then"),
     ZoneTime: ("time passes by any amount: clocks are kept as zones, in units of {}",
                "sets of clock values are bounded by differences then")}
 """How time is kept, and why that is exact."""

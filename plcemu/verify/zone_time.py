@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from plant_sim.linear import Constraint, Constraints, Term
 from plcemu.verify.loop import State
-from plcemu.verify.timed import TOGETHER, Happens, Limits, Outcome, Place, TimedLoop
+from plcemu.verify.timed import TOGETHER, Entry, Happens, Limits, Place, TimedLoop
 from plcemu.verify.zones import Scale, Zone
 
 _ONE = (Fraction(1), Fraction(1))
@@ -68,9 +68,9 @@ class ZoneTime(TimedLoop):
     def initial(self) -> Iterator[State]:
         """The places after a cold start, and any time then."""
         for plant in self.plant.initial():
-            outcome = self.begin(plant)
+            entry = self.begin(plant)
             zero = Zone.of(self._scale, ()).assign(dict.fromkeys(self._scale.names, _ZERO))
-            state = self._enter(zero, outcome._replace(resets=frozenset(range(len(self.names)))))
+            state = self._enter(zero, entry._replace(resets=frozenset(range(len(self.names)))))
             self.origins.setdefault(state, plant)
             self._starts[plant] = state
             yield state
@@ -88,14 +88,14 @@ class ZoneTime(TimedLoop):
             known = self._bounds[id(place)] = place, bounds
         return known[1]
 
-    def _enter(self, zone: Zone, outcome: Outcome) -> State:
+    def _enter(self, zone: Zone, entry: Entry) -> State:
         """Return the state of a place that is entered with these clock values."""
-        bare = outcome.place
+        bare = entry.place
         if bare.fault:
             return bare
         bounds = self._bounds_of(self.place(bare))
         sets = self._resets.setdefault(
-            outcome.resets, {self._scale.names[n]: _ZERO for n in sorted(outcome.resets)})
+            entry.resets, {self._scale.names[n]: _ZERO for n in sorted(entry.resets)})
         zone = zone.assign(sets).forget(bounds.idle).meet(bounds.invariant)
         zone = zone.elapse(bounds.rates).meet(bounds.invariant).extrapolate(self.largest)
         for number in self._at.setdefault(bare, []):
@@ -139,7 +139,7 @@ class ZoneTime(TimedLoop):
             if single.event in action.events if single.expired is None \
                     else single.expired in action.expired:
                 zone = zone.meet(guards[n])
-        return self._enter(zone, place.outcomes[action])
+        return self._enter(zone, place.entries[action])
 
     @staticmethod
     def _has_dead_part(bounds: _Bounds, zone: Zone) -> bool:
