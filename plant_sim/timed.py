@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 from plant_sim.abstraction import Abstraction
 from plant_sim.contract import Fact, FactValue, PortValue
@@ -38,6 +38,10 @@ class TimedAbstraction(Abstraction, Protocol):
     @property
     def clocks(self) -> tuple[str, ...]:
         """The names of its clocks."""
+
+    @property
+    def joins(self) -> bool:
+        """Whether several actions can come at one instant; if not, each is all that then comes."""
 
     def constants(self) -> Mapping[str, Collection[Fraction]]:
         """For each clock all values that it is compared with, in s."""
@@ -111,6 +115,8 @@ class TimedNetwork:
     Raises:
         AutomatonError: a variable is no clock, or a bound is open or not one of a single clock.
     """
+
+    joins = True
 
     def __init__(self, automata: Mapping[str, Automaton], truths: Sequence[Truth] = ()) -> None:
         self._names = tuple(automata)
@@ -270,6 +276,52 @@ class TimedNetwork:
         return ((n, self._steps[n][state.locations[n]][k]) for n, k in move.taken)
 
 
+class AtAnyTime:
+    """A finite plant without clocks as one in time: what may happen may happen at any time.
+
+    Args:
+        plant: the finite plant.
+    """
+
+    clocks = ()
+    joins = False
+
+    def __init__(self, plant: Abstraction) -> None:
+        self.facts, self.initial, self.name_of = plant.facts, plant.initial, plant.name_of
+        self.sense, self.actuate, self.observe = plant.sense, plant.actuate, plant.observe
+        self.actions, self.after = plant.actions, plant.after
+        self.pending, self.done = plant.pending, plant.done
+
+    def constants(self) -> Mapping[str, Collection[Fraction]]:
+        """None."""
+        return {}
+
+    def running(self, state: Any) -> Collection[str]:
+        """None."""
+        return ()
+
+    def latest(self, state: Any) -> Mapping[str, Fraction]:
+        """None."""
+        return {}
+
+    def guard(self, state: Any, action: Any) -> Bounds:
+        """None."""
+        return {}
+
+    def restarted(self, state: Any) -> Collection[str]:
+        """None."""
+        return ()
+
+    def settled(self, state: Any) -> Any:
+        """The state."""
+        return state
+
+
+def in_time(plant: Abstraction) -> TimedAbstraction:
+    """Return a finite plant as one in time; one without clocks does what it may at any time."""
+    return cast(TimedAbstraction, plant if hasattr(plant, "constants") else AtAnyTime(plant))
+
+
 def meet(*bounds: Bounds) -> dict[str, tuple[Fraction, Fraction | None]]:
     """Return the bounds that hold where all of some do."""
     found: dict[str, tuple[Fraction, Fraction | None]] = {}
@@ -324,4 +376,4 @@ def _step(automaton: str, transition: Transition) -> _Step:
                  transition.command, name)
 
 
-__all__ = ["Bounds", "State", "TimedAbstraction", "TimedNetwork", "Truth", "meet"]
+__all__ = ["Bounds", "State", "TimedAbstraction", "TimedNetwork", "Truth", "in_time"]

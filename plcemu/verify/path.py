@@ -82,7 +82,8 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                text.append("  from here on nothing can happen any more:" if stays else
+                rest = "can happen" if self.times is None else "happens, while time passes,"
+                text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
                 at = "" if self.times is None else f" (at {format_duration(self.at_ns(row))})"

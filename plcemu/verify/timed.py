@@ -18,7 +18,6 @@ from bisect import bisect_right
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import combinations
 from math import gcd, lcm
 from typing import Any, NamedTuple, Protocol
 
@@ -42,6 +41,8 @@ class TimedPlant(FinitePlant, Protocol):
 
     @property
     def clocks(self) -> tuple[str, ...]: ...
+    @property
+    def joins(self) -> bool: ...
     def constants(self) -> Mapping[str, Collection[Fraction]]: ...
     def running(self, state: Any) -> Collection[str]: ...
     def latest(self, state: Any) -> Mapping[str, Fraction]: ...
@@ -350,11 +351,24 @@ class TimedLoop(ClosedLoop):
             return ("time",)
         return [name for event in action.events for name in self.plant.done(event)]
 
-    @staticmethod
-    def too_many(count: int) -> None:
-        """Refuse to try all combinations of so many events."""
-        raise PlcemuError(f"{count} events can happen at one instant; their combinations are too "
-                          f"many to be tried (the limit is {TOGETHER})")
+    def larger(self, place: Place, chosen: Sequence[tuple[int, ...]],
+               now: Sequence[int]) -> list[tuple[int, ...]]:
+        """Return the combinations of singles that have one more of those that can happen now.
+
+        Raises:
+            PlcemuError: they have too many.
+        """
+        found = [(*each, n) for each in chosen for n in now
+                 if (not each or n > each[-1]) and self._joins(place, each, n)]
+        if found and len(found[0]) > TOGETHER:
+            raise PlcemuError(f"more than {TOGETHER} events can happen at one instant; their "
+                              "combinations are too many to be tried")
+        return found
+
+    def _joins(self, place: Place, chosen: Sequence[int], n: int) -> bool:
+        """Whether an event can come together with others; clocks always expire together."""
+        return self.plant.joins or place.singles[n].expired is not None or \
+            all(place.singles[k].expired is not None for k in chosen)
 
     def dead(self, place: Place, state: Any) -> None:
         """Refuse a plant that lets neither anything happen nor time pass."""
@@ -418,12 +432,12 @@ class IntegerTime(TimedLoop):
         place = self.place(state)
         values = dict(zip(place.clocks, state.clocks, strict=True))
         now = [n for n, s in enumerate(place.singles) if _in(values, s.guard, 0)]
-        if len(now) > TOGETHER:
-            self.too_many(len(now))
         found: list[Any] = []
-        for size in range(1, len(now) + 1):
-            for chosen in combinations(now, size):
-                found += self.happenings(state, place, chosen)
+        chosen: list[tuple[int, ...]] = [()]
+        while chosen:
+            chosen = self.larger(place, chosen, now)
+            for each in chosen:
+                found += self.happenings(state, place, each)
         wait = self._wait(place, values, bool(now))
         if wait:
             found.append(Passes(wait, self.unit_ns))

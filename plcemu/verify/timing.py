@@ -12,6 +12,7 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from plant_sim.abstraction import Abstraction
+from plant_sim.timed import in_time
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
@@ -26,8 +27,6 @@ Time = Literal["auto", "integer", "zones"]
 MANY_UNITS = 100
 """`auto` keeps time by whole units if the largest constant has no more of them."""
 
-_KEEPS = ("clocks", "constants", "running", "latest", "guard", "restarted", "settled")
-
 
 def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machine: ScanMachine,
                plant: Abstraction, inputs: Sequence[Point], outputs: Sequence[Point],
@@ -40,12 +39,9 @@ def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machi
         rest: as `ClosedLoop`.
 
     Raises:
-        PlcemuError: the plant keeps no time, a sensor is none of its, or the program does more with
-            elapsed times than to compare them with constants.
+        PlcemuError: a sensor is none of the plant's, or the program does more with elapsed times
+            than to compare them with constants.
     """
-    if not all(hasattr(plant, name) for name in _KEEPS):
-        raise PlcemuError("the finite plant keeps no time, which merge: timed needs; "
-                          "docs/verification.md says what it must tell")
     readings = plant.sense(next(iter(plant.initial())))
     lacking = [p.name for p in inputs if p.name not in readings]
     if lacking:
@@ -57,7 +53,7 @@ def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machi
         raise PlcemuError("time cannot be treated exactly (merge: timed), since the program does "
                           "more with an elapsed time than to compare it with constants:\n  "
                           f"{told}\nVerify every scan instead: merge: none")
-    arguments = (seen, machine, plant, inputs, outputs, *watching)
+    arguments = (seen, machine, in_time(plant), inputs, outputs, *watching)
     if time == "zones":
         return ZoneTime(*arguments)
     loop = IntegerTime(*arguments)
@@ -81,7 +77,7 @@ def grounds(loop: TimedLoop, cycle_ns: int) -> list[str]:
 
 
 _KINDS: dict[type, tuple[str, str]] = {
-    IntegerTime: ("time passes by whole units of {} up to the next instant at which anything can be",
+    IntegerTime: ("time passes by whole units of {}, to the next instant at which anything can be",
                   "integer runs suffice then"),
     ZoneTime: ("time passes by any amount: clocks are kept as zones, in units of {}",
                "sets of clock values are bounded by differences then")}

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from plant_sim.linear import Constraint, Constraints, Term
 from plcemu.verify.loop import State
-from plcemu.verify.timed import TOGETHER, Entry, Happens, Limits, Place, TimedLoop
+from plcemu.verify.timed import Entry, Happens, Limits, Place, TimedLoop
 from plcemu.verify.zones import Scale, Zone
 
 _ONE = (Fraction(1), Fraction(1))
@@ -112,16 +112,14 @@ class ZoneTime(TimedLoop):
         place = self.place(state)
         bounds, zone = self._bounds_of(place), self._zones[state.clocks[0]]
         found: list[Any] = []
-        level: list[tuple[tuple[int, ...], Zone]] = [((), zone)]
-        for size in range(TOGETHER + 1):
-            larger = [((*chosen, n), smaller) for chosen, part in level
-                      for n in range(chosen[-1] + 1 if chosen else 0, len(place.singles))
-                      if not (smaller := part.meet(bounds.guards[n])).is_empty()]
-            for chosen, _ in larger:
+        level: dict[tuple[int, ...], Zone] = {(): zone}
+        singles = range(len(place.singles))
+        while level:
+            level = {(*chosen, n): smaller for chosen, part in level.items()
+                     for *_, n in self.larger(place, [chosen], singles)
+                     if not (smaller := part.meet(bounds.guards[n])).is_empty()}
+            for chosen in level:
                 found += self.happenings(state, place, chosen)
-            level = larger
-            if size == TOGETHER and level:
-                self.too_many(size + 1)
         if self._has_dead_part(bounds, zone):
             self.dead(place, state)
             found.append(STUCK)
