@@ -123,7 +123,7 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
     else:
         plant = make_abstraction(config)
     return Prover(make_resource(config, program), plant, inputs, wiring.outputs,
-                  config.cycle, properties, section.merge, _frozen(config))
+                  config.cycle, properties, section.merge, _frozen(config), section.fairness)
 
 
 def fires_once(config: Config) -> bool:

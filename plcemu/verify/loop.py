@@ -21,6 +21,8 @@ from plcemu.io.mapping import Point
 from plcemu.verify.machine import ScanMachine, mask_of, place_of
 
 Merge = Literal["stable", "none"]
+Fairness = Literal["weak", "strong", "none"]
+"""What is assumed of the plant on runs without end, see `plcemu.verify.fair`."""
 
 
 class FinitePlant(Protocol):
@@ -113,6 +115,9 @@ class ClosedLoop:
         told: the bits that are told for every step, in `State.seen`; all are kept in `ever`.
         merge: which scans are states of their own.
         cycle_ns: the time that passes between two scans; used by `merge="none"`.
+        frozen: whether the plant stands still; None if it never does.
+        fairness: what is assumed of runs without end: that what is pending without a break is done
+            (`weak`), that what is pending again and again is (`strong`), or nothing (`none`).
 
     Raises:
         PlcemuError: stable scans are to be merged although the program measures time.
@@ -123,7 +128,8 @@ class ClosedLoop:
                  watch: Callable[[bytes, Sequence[Value]], int] = nothing_watched,
                  watched: Iterable[int] | None = None, told: int = -1,
                  merge: Merge = "stable", cycle_ns: int = 0,
-                 frozen: Callable[[bytes, Sequence[Value]], bool] | None = None) -> None:
+                 frozen: Callable[[bytes, Sequence[Value]], bool] | None = None,
+                 fairness: Fairness = "weak") -> None:
         if merge == "stable" and machine.has_clocks:
             raise PlcemuError("the program reads timers or step times, so time matters between "
                               "two events of the plant: verify every scan (merge: none), or with "
@@ -131,7 +137,7 @@ class ClosedLoop:
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.watch, self.told, self.merge, self.cycle_ns = watch, told, merge, cycle_ns
-        self._frozen = frozen
+        self._frozen, self.fairness = frozen, fairness
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
@@ -171,7 +177,7 @@ class ClosedLoop:
         """What the plant may do; in `merge="none"` also nothing."""
         if state.fault:
             return ()
-        if self._frozen is not None and self._frozen(state.memory, self.facts(state.plant)):
+        if self._stands_still(state):
             return (IDLE,)
         own = self.plant.actions(state.plant)
         return own if self.merge == "stable" else (IDLE, *own)
@@ -182,11 +188,18 @@ class ClosedLoop:
 
     def pending(self, state: State) -> Collection[str]:
         """What is under way in the plant."""
-        return () if state.fault else self.plant.pending(state.plant)
+        return () if state.fault or self._stands_still(state) else self.plant.pending(state.plant)
 
     def done(self, action: Any) -> Collection[str]:
         """What of it an action brings about."""
         return () if action is IDLE else self.plant.done(action)
+
+    def elapsed_ns(self, state: State, action: Any) -> int:
+        """The time from the last scan before an action to the next; 0 where it is left open."""
+        return self._elapsed_ns
+
+    def _stands_still(self, state: State) -> bool:
+        return self._frozen is not None and self._frozen(state.memory, self.facts(state.plant))
 
     # ------------------------------------------------------------ the scans of a step
 
