@@ -145,6 +145,8 @@ def _until(p: Formula, q: Formula, first: int, last: int | None) -> Formula:
     if first:
         ahead = _until(p, q, 0, None if last is None else last - first)
         return Binary("&", _at("G", p, 0, first - 1), _at("F", ahead, first, first))
+    if last == 0:
+        return q
     return Binary("U", p, q) if last is None else \
         Binary("&", _at("F", q, 0, last), Binary("W", p, q))
 

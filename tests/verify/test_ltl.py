@@ -75,7 +75,7 @@ def rounds_from(loop: Written, start: int, longest: int) -> list[Round]:
 @settings(max_examples=150, deadline=None)
 @given(written(), grown(st.none()))
 def test_formulas_of_the_future_are_judged_as_defined(loop: Written, formula: Formula) -> None:
-    agrees(loop, formula, 5)
+    agrees(loop, formula, 4)
 
 
 @settings(max_examples=150, deadline=None)
@@ -94,4 +94,4 @@ def test_formulas_with_durations_are_judged_as_defined(loop: Written, formula: F
 @given(st.sampled_from(["weak", "strong"]).flatmap(lambda f: written(fairness=f)),
        grown(st.none()))
 def test_only_fair_runs_count(loop: Written, formula: Formula) -> None:
-    agrees(loop, formula, 5)
+    agrees(loop, formula, 4)
