@@ -144,6 +144,10 @@ class Check(Protocol):
     def of_endless_runs(self) -> bool:
         """Whether it depends on what a run may do for ever, and so on fairness."""
 
+    @property
+    def every_scan(self) -> str:
+        """Why it cannot be judged where scans are merged; empty if it can."""
+
     def judge(self, evidence: Evidence) -> Finding:
         """Judge the property."""
 
@@ -155,7 +159,7 @@ class Check(Protocol):
 class Invariant:
     """`G p`, `AG p`, `A[] p`: p in every scan."""
 
-    of_endless_runs = False
+    of_endless_runs, every_scan = False, ""
 
     formula: Formula
     watched: tuple[Formula, ...] = ()
@@ -189,7 +193,7 @@ class Invariant:
 class Reachable:
     """`EF p`, `E<> p`: from some initial state, p in some scan."""
 
-    of_endless_runs = False
+    of_endless_runs, every_scan = False, ""
 
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
@@ -216,7 +220,7 @@ class Reachable:
 class Recurrence:
     """`G F p & G F q & ...` on every fair run: each again and again."""
 
-    of_endless_runs = True
+    of_endless_runs, every_scan = True, ""
 
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
@@ -259,7 +263,7 @@ class Recurrence:
 class NoDeadlock:
     """`AG EX TRUE`: in every state that can be reached, something can still happen."""
 
-    of_endless_runs = False
+    of_endless_runs, every_scan = False, ""
 
     watched: tuple[Formula, ...] = ()
     tested: tuple[Formula, ...] = ()
@@ -284,7 +288,7 @@ class NoDeadlock:
 class NoCheck:
     """A formula that no check takes."""
 
-    of_endless_runs = False
+    of_endless_runs, every_scan = False, ""
 
     reason: str
     watched: tuple[Formula, ...] = ()

@@ -253,6 +253,7 @@ class Branching:
     """
 
     of_endless_runs = True
+    every_scan = "it speaks of every scan, and scans are merged: verify with merge: none"
     formula: Formula
     tested: tuple[Formula, ...]
     watched: tuple[Formula, ...] = ()
@@ -267,9 +268,6 @@ class Branching:
     def judge(self, evidence: Evidence) -> Finding:
         """Violated in an initial state where it does not hold; a run shows why."""
         graph = evidence.graph
-        if evidence.loop.merge == "stable":
-            return Finding(INCONCLUSIVE, "it speaks of every scan, and scans are merged: verify "
-                           "with merge: none", out_of_scope=True)
         if not graph.complete:
             return Finding(INCONCLUSIVE, graph.reason)
         model = Model(evidence, {f: n for n, f in enumerate(self.tested)})

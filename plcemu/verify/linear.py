@@ -9,6 +9,7 @@ automaton reads all of them that much later. A future without a bound stays in t
   `F (!q S[b,inf) (p & !q))`.
 * Where an unbounded future stands below an operator of the past, or below one with an interval,
   the automaton guesses it as the run goes on, and checks the guess by `G (guess <-> future)`.
+  If the future in turn speaks of durations ahead, the formula is refused.
 * `X p` asks of the first instant of the next scan, as the monitors do.
 """
 
@@ -57,6 +58,10 @@ _FUTURE = frozenset(("X", "F", "G", "U", "W", "R"))
 _PULSES = (Kind.PULSE, Kind.EARLIER)
 _MOST_CASES = 32
 """Cases that a disjunction is divided into; beyond them it is decided later, but not otherwise."""
+
+
+class Unfit(Exception):
+    """A formula cannot be judged; the text says why."""
 
 
 def unfit(formula: Formula) -> str:
@@ -175,9 +180,8 @@ def _is_logic(formula: Formula) -> bool:
 
 def is_signal(formula: Formula) -> bool:
     """Whether a formula's value at an instant is known a fixed time later."""
-    if not _has_future(formula):
-        return True
-    return (_is_bounded(formula) or _is_logic(formula)) and all(map(is_signal, children(formula)))
+    ahead = isinstance(formula, (Unary, Binary)) and formula.op in _FUTURE
+    return (not ahead or _is_bounded(formula)) and all(map(is_signal, children(formula)))
 
 
 def reach_ns(signal: Formula) -> int:
@@ -201,7 +205,20 @@ def shifted(signal: Formula, ns: int) -> Formula:
         assert last is not None
         return _at("O" if signal.op == "F" else "H", shifted(signal.arg, inner),
                    ns - inner - last, ns - inner - first)
+    if isinstance(signal, (Unary, Binary)) and OPERATORS[signal.op].kind is Kind.PAST:
+        inner = reach_ns(signal)
+        return shifted(_since_start(signal, inner), ns - inner)
     return rebuilt(signal, [shifted(part, ns) for part in children(signal)])
+
+
+def _since_start(past: Unary | Binary, ns: int) -> Formula:
+    """Return an operator of the past, read so much later; what was before the start is left out."""
+    begun = _at("O", TRUE, ns, None)
+    if isinstance(past, Binary):
+        right = Binary("&", begun, shifted(past.right, ns))
+        return replace(past, left=shifted(past.left, ns), right=right)
+    op = "->" if past.op == "H" else "&"
+    return replace(past, arg=Binary(op, begun, shifted(past.arg, ns)))
 
 
 def conjunction(parts: Sequence[Formula]) -> Formula:
@@ -383,14 +400,19 @@ class Translation:
             first, last = _bounds(f)
             ahead = self._settled(f.arg) if last is not None else self._guess(Unary(f.op, f.arg))
             return _at(f.op, ahead, first, first if last is None else last)
-        if _is_bounded(f) or _is_logic(f):
-            return rebuilt(f, [self._settled(part) for part in children(f)])
-        if isinstance(f, (Unary, Binary)) and f.op in _FUTURE:
+        if isinstance(f, (Unary, Binary)) and f.op in _FUTURE and not _is_bounded(f):
             return self._guess(f)
-        return rebuilt(f, [self._guess(part) if _has_future(part) else part
-                           for part in children(f)])
+        return rebuilt(f, [self._settled(part) for part in children(f)])
 
     def _guess(self, f: Formula) -> TagRef:
+        """Return what stands for a future without a bound; it changes only when its parts do.
+
+        Raises:
+            Unfit: it changes at other instants.
+        """
+        if any(_is_bounded(part) for part in walk(f)):
+            raise Unfit(f"{f} has durations in it, no bound of its own, and stands below an "
+                        "operator of the past or with an interval")
         return self._guessed.setdefault(f, TagRef(f"whether {f}"))
 
 

@@ -32,7 +32,7 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.explore import Graph, backwards, explore
 from plcemu.verify.fair import Lasso, Step, fair_components, lasso, run_to
-from plcemu.verify.linear import FIRST, Translation, asks_next, is_timed, unfit, units
+from plcemu.verify.linear import FIRST, Translation, Unfit, asks_next, is_timed, unfit, units
 from plcemu.verify.loop import Idle
 from plcemu.verify.observer import ENDLESS, Memory, Observer
 from plcemu.verify.vacuity import idle_parts
@@ -337,17 +337,25 @@ class Linear:
     def of(formula: Formula) -> Linear | NoCheck:
         """Return the check of a formula, or why it cannot be judged."""
         reason = unfit(formula)
-        return NoCheck(reason) if reason else Linear(formula, tuple(dict.fromkeys(units(formula))))
+        if reason:
+            return NoCheck(reason)
+        try:
+            Translation.of(negated(formula))
+        except Unfit as problem:
+            return NoCheck(str(problem))
+        return Linear(formula, tuple(dict.fromkeys(units(formula))))
+
+    @property
+    def every_scan(self) -> str:
+        """Why it cannot be judged where scans are merged; empty if it can."""
+        if is_timed(self.formula):
+            return "it speaks of durations, which are abstracted away here"
+        return "it counts scans (X), and scans are merged: verify with merge: none" \
+            if asks_next(self.formula) else ""
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a run that satisfies the negation; vacuous in parts that do not matter."""
-        graph, merged = evidence.graph, evidence.loop.merge == "stable"
-        if merged and is_timed(self.formula):
-            return Finding(INCONCLUSIVE, "it speaks of durations, which are abstracted away here",
-                           out_of_scope=True)
-        if merged and asks_next(self.formula):
-            return Finding(INCONCLUSIVE, "it counts scans (X), and scans are merged: verify with "
-                           "merge: none", out_of_scope=True)
+        graph = evidence.graph
         several = len(evidence.loop.origins) > 1
         search = Search.of(evidence, negated(self.formula), self.tested, not several)
         origins = search.origins() if several and graph.complete and search.graph.complete else None

@@ -122,8 +122,7 @@ class Prover:
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
-        self.checks: list[Check] = [self._unknown(p.formula, plant) or check_for(p.formula)
-                                    for p in self.properties]
+        self.checks = [_check(p.formula, plant, merge) for p in self.properties]
         judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
                   if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
         diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
@@ -146,14 +145,6 @@ class Prover:
             self.cuts.append(_FAIRNESS[fairness])
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
-
-    @staticmethod
-    def _unknown(formula: Formula, plant: Abstraction) -> Check | None:
-        """Return why a formula that names a fact which the finite plant lacks is not judged."""
-        known = {f"plant.{f.name}".casefold() for f in plant.facts}
-        lacks = [r.name for r in tag_refs(formula)
-                 if r.name.casefold().startswith("plant.") and r.name.casefold() not in known]
-        return NoCheck(f"the finite plant does not know {', '.join(lacks)}") if lacks else None
 
     def _cuts(self, kept: frozenset[int] | None, merge: Merge) -> list[str]:
         """Return what is cut away or assumed, in words."""
@@ -233,6 +224,17 @@ class Prover:
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
+    """Return the check of a formula, or why it cannot be judged of this loop."""
+    known = {f"plant.{f.name}".casefold() for f in plant.facts}
+    lacks = [r.name for r in tag_refs(formula)
+             if r.name.casefold().startswith("plant.") and r.name.casefold() not in known]
+    if lacks:
+        return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
+    check = check_for(formula)
+    return NoCheck(check.every_scan) if merge == "stable" and check.every_scan else check
 
 
 __all__ = ["HOLDS", "INCONCLUSIVE", "VIOLATED", "Proof", "Prover", "Result"]

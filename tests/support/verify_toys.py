@@ -14,7 +14,7 @@ from monitor_lasso import Lasso
 from plant_sim.contract import Fact
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Evidence, Finding
-from plcemu.verify.explore import explore
+from plcemu.verify.explore import Limits, explore
 from plcemu.verify.loop import State
 from plcemu.verify.ltl import Linear
 
@@ -202,7 +202,7 @@ Row = dict[str, bool | int | float | str]
 
 
 class Way(NamedTuple):
-    """A step of a written loop: what it brings about, how long after the last scan, and where to."""
+    """A step of a written loop: what it does, how long after the last scan, and where to."""
 
     name: str
     elapsed_ns: int
@@ -272,7 +272,7 @@ def judged(loop: Written, formula: Formula,
     loop.tests = (*check.watched, *check.tested)
     graph: Any = explore(loop)  # type: ignore[arg-type]
     evidence = Evidence(loop, graph, 0, len(check.watched), lambda n, s: bool(  # type: ignore[arg-type]
-        loop.watch(s.memory, ()) >> n & 1))
+        loop.watch(s.memory, ()) >> n & 1), Limits(states=2000))
     return check.judge(evidence), graph
 
 
