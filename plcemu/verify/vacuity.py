@@ -1,8 +1,10 @@
 """Vacuity: parts of a property that holds which could as well not be there.
 
-A part that stands where the property gains from it, a premise of an implication apart, is replaced
-by FALSE, one that stands where the property loses by it, by TRUE; if the property still holds, it
-does not depend on the part (Beer, Ben-David, Eisner, Rodeh, 2001; Kupferman and Vardi, 2003).
+A part that stands where the property gains from it is replaced by FALSE, one that stands where the
+property loses by it, by TRUE; if the property still holds, it does not depend on the part (Beer,
+Ben-David, Eisner, Rodeh, 2001; Kupferman and Vardi, 2003). If that is the conclusion of an
+implication, its premise is never true. What stands in premises is left alone: a condition that is
+said more exactly than it had to be is no sign of a mistake.
 """
 
 from __future__ import annotations
@@ -43,7 +45,6 @@ def _idle(whole: Formula, part: Formula, into: Callable[[Formula], Formula], gai
             or part.op in _BOTH_WAYS or OPERATORS[part.op].kind in _VALUES:
         return
     parts = children(part)
-    idle = False
     for n, child in enumerate(parts):
         def put(new: Formula, n: int = n) -> Formula:
             return into(rebuilt(part, [*parts[:n], new, *parts[n + 1:]]))
@@ -53,17 +54,7 @@ def _idle(whole: Formula, part: Formula, into: Callable[[Formula], Formula], gai
         if isinstance(child, Literal) or premise:
             continue
         if holds(put(FALSE if child_gains else TRUE)):
-            idle = True
             yield f"{parts[0]} is never true" if part.op in ("->", "-->") and gains else \
                 f"it holds whatever {child} is"
         else:
             yield from _idle(whole, child, put, child_gains, holds)
-    if part.op in ("->", "-->") and not idle:
-        yield from _premise(whole, part, into, gains, holds)
-
-
-def _premise(whole: Formula, part: Formula, into: Callable[[Formula], Formula], gains: bool,
-             holds: Callable[[Formula], bool]) -> Iterator[str]:
-    """Yield what is idle inside the premise of an implication; its conclusion is not."""
-    left, right = children(part)
-    yield from _idle(whole, left, lambda new: into(rebuilt(part, [new, right])), not gains, holds)
