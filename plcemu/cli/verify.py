@@ -54,7 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(document_of(config.name, result))
     else:
-        _print(config.name, result)
+        _print(config.title, result)
         for line in saved:
             console().print(line)
     return 1 if any(_fails(p, arguments.names) for p in result.proofs) else 0

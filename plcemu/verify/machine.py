@@ -29,6 +29,7 @@ class ScanMachine:
     def __init__(self, resource: Resource, inputs: Sequence[Point] = (),
                  kept: Iterable[int] | None = None) -> None:
         program = resource.program
+        kept = None if kept is None else frozenset(kept)
         self.resource = resource
         self._block = resource.engine.block
         self._code = resource.engine.prepare(_simple_runs(program, resource))
@@ -36,7 +37,8 @@ class ScanMachine:
         self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
-        self.has_clocks = any(c.observed for c in program.layout.clocks)
+        self.has_clocks = any(c.observed and (kept is None or c.offset in kept)
+                              for c in program.layout.clocks)
         self._mask = mask_of(self._size, kept)
         rest = ~self._mask & ((1 << 8 * self._size) - 1)
         self._rest = int.from_bytes(self.initial, "little") & rest

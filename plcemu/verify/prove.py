@@ -12,6 +12,7 @@ from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
+from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.verify.check import (
@@ -140,7 +141,7 @@ class Prover:
                                self.predicates.mask(formulas), looked_at,
                                (1 << len(watched)) - 1, merge, cycle_ns,
                                self.predicates.test(frozen) if frozen else None, fairness)
-        self.cuts = self._cuts(kept, merge)
+        self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
         if any(check.of_endless_runs for check in self.checks):
             self.cuts.append(_FAIRNESS[fairness])
         if frozen:
@@ -235,6 +236,18 @@ def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
         return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
     check = check_for(formula)
     return NoCheck(check.every_scan) if merge == "stable" and check.every_scan else check
+
+
+def _never_written(program: Program, inputs: Sequence[Point],
+                   kept: frozenset[int] | None) -> list[str]:
+    """Return, in words, which inputs of the program nothing writes in any run."""
+    driven = {place_of(program, point) for point in inputs}
+    tags = {slot.offset: slot.tag for slot in reversed(program.layout.slots)
+            if slot.tag.address.startswith("%I") and slot.offset not in driven
+            and (kept is None or slot.offset in kept)}
+    names = [f"{tag.name} ({tag.address})" for _, tag in sorted(tags.items())]
+    return [f"nothing writes the inputs {', '.join(names)}: they stay as at the start"] \
+        if names else []
 
 
 __all__ = ["HOLDS", "INCONCLUSIVE", "VIOLATED", "Proof", "Prover", "Result"]
