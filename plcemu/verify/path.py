@@ -6,7 +6,7 @@ It is a trace as well, so that the online monitors judge it and every recorder c
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
@@ -91,23 +91,35 @@ class Path:
         """The instant at which a violation that takes no run without end is decided."""
         return (len(self.rows) - 1) * self.cycle_ns + self.decided_ns
 
-    def scenario(self, description: str, points: Sequence[Point]) -> str:
+    def played(self, rounds: int = 1) -> list[Row]:
+        """Return the scans with what is repeated for ever played a number of times."""
+        if self.repeats_from is None or self.repeats_from == len(self.rows) - 1:
+            return self.rows
+        return [*self.rows, *(rounds - 1) * self.rows[self.repeats_from:]]
+
+    def scenario(self, description: str, points: Sequence[Point], facts: Collection[str] = (),
+                 rounds: int = 1) -> str:
         """Return the inputs as a scenario file, which `simulate --no-plant` plays.
 
         Args:
             description: what the file says of itself.
             points: where the inputs stand.
+            facts: the plant's facts that are told besides.
+            rounds: how often what is repeated for ever is played.
         """
         lines = [f"description: {json.dumps(description)}", "steps:"]
-        before: dict[str, int] = {}
-        for row in self.rows:
-            written = {str(p.address): replace(p, scale=Fraction(1)).to_value(row.inputs[p.name])
-                       for p in points if row.inputs[p.name] != before.get(p.name)}
-            before = row.inputs
-            if written:
-                values = ", ".join(f'"{address}": {_yaml(v)}' for address, v in written.items())
+        told = [(n, tag.name) for n, tag in enumerate(self.predicates.tags) if tag.name in facts]
+        before: dict[str, Value] = {}
+        for scan, row in enumerate(self.played(rounds)):
+            now: dict[str, Value] = {str(p.address): _written(p, row.inputs[p.name])
+                                     for p in points}
+            now |= {name: row.values[n] for n, name in told}
+            values = ", ".join(f'"{name}": {json.dumps(v)}' for name, v in now.items()
+                               if v != before.get(name))
+            before = now
+            if values:
                 note = f"  # {row.action}" if row.action else ""
-                lines.append(f"  - {{t_ns: {row.scan * self.cycle_ns}, set: {{{values}}}}}{note}")
+                lines.append(f"  - {{t_ns: {scan * self.cycle_ns}, set: {{{values}}}}}{note}")
         return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
@@ -123,8 +135,10 @@ class Path:
         return trace
 
 
-def _yaml(value: bool | float) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(round(value))
+def _written(point: Point, raw: int) -> Value:
+    """Return what is written to an input so that it reads a raw value."""
+    value = replace(point, scale=Fraction(1)).to_value(raw)
+    return value if isinstance(value, bool) else round(value)
 
 
 def _short(tag: str) -> str:
