@@ -56,6 +56,7 @@ FIRST = TagRef("the first instant of a scan")
 
 _FUTURE = frozenset(("X", "F", "G", "U", "W", "R"))
 _PULSES = (Kind.PULSE, Kind.EARLIER)
+_START = Unary("!", Unary("Y", TRUE))
 _MOST_CASES = 32
 """Cases that a disjunction is divided into; beyond them it is decided later, but not otherwise."""
 
@@ -243,20 +244,20 @@ def _cases(formula: Formula, truth: bool = True) -> list[list[Formula]]:
     return [[replace(formula, op="F" if formula.op == "G" else "G", arg=negated(formula.arg))]]
 
 
-def somewhere(signal: Formula, from_ns: int = 0) -> list[Formula]:
+def somewhere(signal: Formula, from_ns: int = 0, until_ns: int | None = None) -> list[Formula]:
     """Return formulas of the past one of which is true somewhere exactly if a signal is.
 
     Each becomes true at the first instant at which that is known.
 
     Args:
-        signal: at some instant from `from_ns` after the start.
-        from_ns: see there.
+        signal: at some instant from `from_ns` to `until_ns` after the start.
+        from_ns, until_ns: see there; both ends belong to it, None is without end.
     """
     cases = _cases(signal)
     if len(cases) > _MOST_CASES:
         cases = [[signal]]
-    begun = [_at("O", TRUE, from_ns, None)] if from_ns else []
-    return [past for case in cases for past in _case([*begun, *case])]
+    inside = [] if (from_ns, until_ns) == (0, None) else [_at("O", _START, from_ns, until_ns)]
+    return [past for case in cases for past in _case([*inside, *case])]
 
 
 def _case(parts: list[Formula]) -> list[Formula]:
@@ -345,11 +346,11 @@ class Translation:
         if isinstance(f, Binary) and f.op in ("&", "|", "->"):
             join = both if (f.op == "&") == truth else either
             return join(self._top(f.left, truth != (f.op == "->")), self._top(f.right, truth))
+        some = (f.op == "F") == truth if isinstance(f, Unary) else False
         if isinstance(f, Unary) and f.op in ("F", "G") and is_signal(f.arg) \
-                and _bounds(f)[1] is None:
-            some = (f.op == "F") == truth
+                and (some or _bounds(f)[1] is None):
             body = f.arg if f.op == "F" else negated(f.arg)
-            found = [self._leaf(past, some) for past in somewhere(body, _bounds(f)[0])]
+            found = [self._leaf(past, some) for past in somewhere(body, *_bounds(f))]
             return until(TOP, reduce(either, found)) if some else \
                 release(BOTTOM, reduce(both, found))
         return self._tree(f, truth)

@@ -11,7 +11,7 @@ import pytest
 from systems import BATCH, ROOT, batch_config, write_config
 
 from plcemu.runtime.config import Config, load_config
-from plcemu.runtime.counterexamples import Saved, is_monitored, save_counterexample
+from plcemu.runtime.counterexamples import ROUNDS, Saved, is_monitored, save_counterexample
 from plcemu.runtime.scenario import load_scenario
 from plcemu.runtime.system import System
 from plcemu.runtime.verification import fires_once, make_prover
@@ -51,8 +51,7 @@ DEMANDS = {
     "pulse": "G (rise(a) -> lamp)", "fell": "G (fall(lamp) -> twice)",
     "long_enough": "lamp lasts at least 25ms", "not_too_long": "lamp lasts at most 25ms",
     "every": "b again every 30ms", "order": "sequence a, lamp, b", "not_before": "lamp not before b",
-    "leads": "a --> twice", "inevitable": "AF lamp", "returns": "AG EF (n = 3 & b)",
-    "of_a_fact": "G (plant.a -> lamp)"}
+    "leads": "a --> twice", "inevitable": "AF lamp", "returns": "AG EF (n = 3 & b)"}
 
 
 class Case(NamedTuple):
@@ -107,13 +106,17 @@ CASES = {
     "tank 5": Case(tank(5, "verify.properties=intended.prop"), ("property_2_intended",)),
     **{f"batch {load}": Case(batch(f"load={load}"), ("produces",)) for load in (0, 0.5, 7.5, 8)},
     "batch all": Case(batch("initial=loads"), ("produces",)),
-    "batch mutant": Case(conflicting, ("no_P1_with_P2", "no_forbidden_mixture")),
-    "lamp": Case(free(LAMP, DEMANDS), tuple(n for n in DEMANDS if n != "returns")),
+    "batch mutant": Case(conflicting, ("no_P1_with_P2", "no_forbidden_mixture", "produces")),
+    "lamp": Case(free(LAMP, DEMANDS), tuple(DEMANDS)),
     "lamp merged": Case(free(LAMP, MERGED, "stable"), tuple(MERGED)),
     "fault": Case(free(DIVIDES, {"rest": "G rest < 50"}, level="[0, 7]"), ("no_fault",)),
     "late": Case(free(LATE, {"in_time": "G (a -> F[0ms,20ms] lamp)", "long": "G (lamp -> a)"}),
                  ("in_time",)),
 }
+ENDLESS = {"lamp": ("answered", "again", "both_again", "settles", "answers", "leads", "inevitable"),
+           "lamp merged": ("answered", "again", "settles", "answers"),
+           **{case: ("produces",) for case in CASES if case.startswith("batch")}}
+"""Which of them take a run without end."""
 EVERY = [(case, name) for case, (_, names) in CASES.items() for name in names]
 
 
@@ -165,7 +168,7 @@ def test_it_prints_as_a_table_and_plays_through_the_same_values(
     saved = save_counterexample(folder, found[name], prover)
     assert path is not None and saved is not None
     assert path.lines()[0].startswith("  from a cold start")
-    system = played(config, saved, (len(path.rows) - 1) * path.cycle_ns)
+    system = played(config, saved, (len(path.rows) - 1) * path.cycle_ns + 1)
     tags = {tag.name: value for tag, value in
             zip(system.cycle.tags, system.cycle.values(), strict=True)}
     shown = {tag.name: value for tag, value in
@@ -174,17 +177,39 @@ def test_it_prints_as_a_table_and_plays_through_the_same_values(
     assert shown == {tag: tags[tag] for tag in shown}
 
 
+def is_endless(case: str, name: str) -> bool:
+    return name in ENDLESS.get(case, ())
+
+
 @pytest.mark.parametrize(("case", "name"), [
-    (case, name) for case, name in EVERY if name not in ("no_fault",)])
+    (case, name) for case, name in EVERY if not is_endless(case, name) and name != "no_fault"])
 def test_the_monitor_violates_at_the_same_instant(
         case: str, name: str, proved: Callable[[str], Proved]) -> None:
     folder, config, prover, found = proved(case)
     path = found[name].path
     saved = save_counterexample(folder, found[name], prover)
-    assert path is not None and saved is not None
+    assert path is not None and path.repeats_from is None and saved is not None
     assert (saved.properties is not None) == is_monitored(found[name].formula)
     results = played(config, saved, saved.until_ns).cycle.suite.results()
     ended = [(r.verdict, r.decided_at_ns) for r in results]
-    expected = [("violated", path.ends_at_ns)] if path.repeats_from is None else \
-        [("presumably violated", None)]
-    assert ended == (expected if saved.properties else [])
+    assert ended == ([("violated", path.ends_at_ns)] if saved.properties else [])
+
+
+@pytest.mark.parametrize(("case", "name"), [
+    (case, name) for case, name in EVERY if is_endless(case, name)])
+def test_on_a_run_without_end_something_is_owed_again_in_every_round(
+        case: str, name: str, proved: Callable[[str], Proved]) -> None:
+    """The monitor decides nothing, and cut at some scan of each round the run violates."""
+    folder, config, prover, found = proved(case)
+    path = found[name].path
+    saved = save_counterexample(folder, found[name], prover)
+    assert path is not None and path.repeats_from is not None and saved is not None
+    system = played(config, saved, 1)
+    verdicts = []
+    for scan in range(len(path.played(ROUNDS))):
+        system.cycle.run_virtual(scan * path.cycle_ns + 1)
+        verdicts += [result.verdict for result in system.cycle.suite.results()]
+    rounds = len(path.rows) - path.repeats_from
+    ends = [verdicts[end - rounds:end] for end in range(len(verdicts), path.repeats_from, -rounds)]
+    assert set(verdicts) <= {"presumably satisfied", "presumably violated"}
+    assert len(ends) >= 1 and all("presumably violated" in each for each in ends)
