@@ -63,8 +63,13 @@ def load_demands(config: Config, names: list[str] | None = None) -> list[Propert
     return [known[name.casefold()] for name in names]
 
 
-def make_prover(config: Config, names: list[str] | None = None) -> Prover:
+def make_prover(config: Config, names: list[str] | None = None, together: bool = True) -> Prover:
     """Return the prover of a configuration.
+
+    Args:
+        config: the configuration.
+        names: of the properties to be proved; all if None.
+        together: see `Prover`.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -76,7 +81,8 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
                               single_firing=fires_once(config))
     plant, inputs, outputs = _plant(config, program)
     return Prover(make_resource(config, program), plant, inputs, outputs,
-                  config.cycle, properties, section.merge, _frozen(config), section.fairness)
+                  config.cycle, properties, section.merge, _frozen(config), section.fairness,
+                  together)
 
 
 def _plant(config: Config, program: Program

@@ -108,6 +108,7 @@ class Prover:
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
         fairness: see `plcemu.verify.loop`.
+        together: whether many steps are made at once; if not, one after the other, as is readable.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -117,7 +118,7 @@ class Prover:
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
-                 fairness: Fairness = "weak") -> None:
+                 fairness: Fairness = "weak", together: bool = True) -> None:
         self.cycle_ns, self.properties = cycle_ns, list(properties)
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
@@ -140,7 +141,8 @@ class Prover:
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
                                self.predicates.mask(formulas), looked_at,
                                (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None, fairness)
+                               self.predicates.test(frozen) if frozen else None, fairness,
+                               together)
         self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
         if any(check.of_endless_runs for check in self.checks):
             self.cuts.append(_FAIRNESS[fairness])
