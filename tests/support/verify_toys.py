@@ -224,6 +224,7 @@ class Written:
     merge: str = "none"
     cycle_ns: int = 1
     starting: int = 1
+    ever: int = 0
 
     @property
     def origins(self) -> dict[State, Any]:
@@ -261,7 +262,7 @@ class Written:
 
     def watch(self, memory: bytes, facts: Any) -> int:
         brute = Brute([self.rows[memory[0]]], 0, 1)
-        return sum(1 << k for k, test in enumerate(self.tests) if brute.number(test, 0))
+        return sum(1 << k for k, test in enumerate(self.tests) if brute.three(test, 0))
 
 
 def judged(loop: Written, formula: Formula,

@@ -40,7 +40,8 @@ lamp := delay.Q;
 END_PROGRAM
 """
 DEMANDS = {
-    "never": "G !twice", "either": "G (lamp | !a)", "first": "lamp", "after_all": "AG (a -> AX lamp)",
+    "never": "G !twice", "either": "G (lamp | !a)", "first": "lamp",
+    "after_all": "AG (a -> AX lamp)",
     "next": "G (a -> X lamp)", "next_two": "G (lamp -> X X lamp)", "last": "X twice",
     "answered": "G (b -> F a)", "soon": "G (a -> F[0ms,25ms] twice)",
     "later": "G (a -> F[10ms,30ms] b)", "holds_on": "G (lamp -> G[0ms,15ms] a)",
@@ -50,7 +51,8 @@ DEMANDS = {
     "since": "G (twice -> !b S[15ms,inf) a)", "before": "G (Y a -> lamp)",
     "pulse": "G (rise(a) -> lamp)", "fell": "G (fall(lamp) -> twice)",
     "long_enough": "lamp lasts at least 25ms", "not_too_long": "lamp lasts at most 25ms",
-    "every": "b again every 30ms", "order": "sequence a, lamp, b", "not_before": "lamp not before b",
+    "every": "b again every 30ms", "order": "sequence a, lamp, b",
+    "not_before": "lamp not before b",
     "leads": "a --> twice", "inevitable": "AF lamp", "returns": "AG EF (n = 3 & b)"}
 
 
