@@ -87,8 +87,8 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
             raise config.mistake(("verify", "frozen"), "does not go with merge: timed, where the "
                                  "plant's invariants say when something must happen")
     return Prover(make_resource(config, program), plant, inputs, outputs,
-                  config.cycle, properties, section.merge, _frozen(config), together,
-                  section.time)
+                  config.cycle, properties, section.merge, _frozen(config), section.fairness,
+                  together, section.time)
 
 
 def _plant(config: Config, program: Program

@@ -47,7 +47,8 @@ class _DoesNotFollow(Exception):
 
 
 def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: Lasso,
-                  watched: int | None, cycle_ns: int) -> Path:
+                  watched: int | None, cycle_ns: int,
+                  decided: tuple[int | None, int] | None = None) -> Path:
     """Return a run as a path.
 
     Args:
@@ -57,11 +58,12 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         run: what to show.
         watched: the path ends in the scan of its last step in which this watched formula holds.
         cycle_ns: the time between two scans.
+        decided: or it ends with this number of scans of its last step.
     """
     assert isinstance(loop, TimedLoop)
     first = graph.states[run.start]
-    origin = loop.origins[first]
-    stem, cycle = events_of(loop, graph, run)
+    origin = loop.origins[first] if run.origin is None else run.origin
+    stem, cycle, ends_ns = events_of(loop, graph, run)
     try:
         real = _Real(loop, cycle_ns, origin, first)
         for event in stem:
@@ -71,6 +73,7 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         last, repeats = real.last, len(real.scans)
         for event in cycle:
             real.follow(event)
+        real.idle(ends_ns)
         writer.take(real.scans[repeats:], real.times[repeats:])
     except _DoesNotFollow as problem:
         writer, last, repeats = _model(loop, predicates, origin, stem, cycle)
@@ -80,18 +83,21 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
     shown: int | None = None
     if watched is not None:
         writer.cut(last, watched)
+    elif decided is not None:
+        writer.keep(last, decided[0])
     elif not fault:
         shown = repeats if cycle else len(writer.rows) - 1
-    return Path(loop.plant.name_of(origin), writer.rows, shown, fault, cycle_ns, predicates,
-                writer.times[:len(writer.rows)], remark)
+    return Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault,
+                cycle_ns, predicates, 0, writer.times[:len(writer.rows)], remark)
 
 
 # ---------------------------------------------------------------- when events happen
 
 
 def events_of(loop: TimedLoop, graph: StateGraph,
-              run: Lasso) -> tuple[list[Event], list[Event]]:
-    """Return the events of a run's stem and of its cycle, with instants at which they can be."""
+              run: Lasso) -> tuple[list[Event], list[Event], int]:
+    """Return the events of a run's stem and of its cycle, with instants at which they can be, and
+    the instant at which the cycle ends, in ns."""
     states, actions = [graph.states[run.start]], []
     for step in (*run.stem, *run.cycle):
         states.append(graph.states[step.target])
@@ -104,7 +110,9 @@ def events_of(loop: TimedLoop, graph: StateGraph,
                if isinstance(action, Happens)]
               for part, times in ((moves[:len(run.stem)], units[:len(run.stem)]),
                                   (moves[len(run.stem):], units[len(run.stem):]))]
-    return events[0], events[1]
+    ends = units[-1] + (actions[-1].units if isinstance(actions[-1], Passes) else 0) \
+        if run.cycle else 0
+    return events[0], events[1], int(ends * loop.unit_ns)
 
 
 def _by_waiting(actions: Sequence[Any]) -> list[int]:
@@ -197,6 +205,13 @@ class _Real:
             self.plant = self.loop.plant.after(self.plant, each)
         self._settle(event.target, str(event.action), event)
 
+    def idle(self, until_ns: int) -> None:
+        """Make scans up to an instant while none of the program's clocks expires."""
+        classes = self._classes(self.memory)
+        while self.t_ns < until_ns and len(self.scans) <= SCANS_LIMIT and \
+                self._classes(self._later(1)) == classes:
+            self._scan("")
+
     def _is_due(self, event: Event) -> bool:
         """Whether the next scan is the one that sees an event.
 
@@ -288,6 +303,11 @@ class _Writer:
             if self.loop.watch(memory, self.loop.facts(plant)) >> watched & 1:
                 del self.rows[n + 1:]
                 return
+
+    def keep(self, first: int, scans: int | None) -> None:
+        """Keep so many scans from a certain one on; all if None."""
+        if scans is not None:
+            del self.rows[first + scans:]
 
 
 def _model(loop: TimedLoop, predicates: Predicates, origin: Hashable, stem: Sequence[Event],

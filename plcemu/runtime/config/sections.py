@@ -249,6 +249,7 @@ class VerifySection(Section):
     initial: str | None = None
     merge: Literal["stable", "none", "timed"] = "stable"
     time: Literal["auto", "integer", "zones"] = "auto"
+    fairness: Literal["weak", "strong", "none"] = "weak"
     frozen: str | None = None
     sipn_single_firing: bool | None = None
     monitored: bool = True
