@@ -411,13 +411,14 @@ class Cycle:
         if target > self.t_ns and not rest.still:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
-            skipped = resource.releases_between(self.t_ns, target)
+            skipped = resource.pass_over(self.t_ns, target)
             self.counters.skipped += skipped
-            self.pass_over(target, self.scan_number + skipped)
+            self.now_ns = self.t_ns = target
+            self.scan_number += skipped
 
     def pass_over(self, t_ns: int, scan_number: int) -> None:
         """Move to a later release without executing those before it, which would change nothing."""
-        self.resource.passed_over(self.t_ns, t_ns)
+        self.resource.pass_over(self.t_ns, t_ns)
         self.now_ns = self.t_ns = t_ns
         self.scan_number = scan_number
 
