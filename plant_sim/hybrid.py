@@ -267,7 +267,8 @@ class HybridPlant(ABC):
 
     def next_event_ns(self) -> int | None:
         """Earliest instant after now at which a watched reading or a fact changes."""
-        self._read()
+        if self._moved or self._t_ns >= self._change_ns:
+            self._read()
         if self._event_ns <= self._t_ns:
             self._event_ns = self._look_for_event()
         return self._event_ns if self._event_ns < NEVER_NS else None

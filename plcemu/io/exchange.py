@@ -128,10 +128,10 @@ class _Part(NamedTuple):
 
 
 def _part(extent: Extent) -> _Part:
-    to_image, to_memory = extent.to_image, extent.to_memory
+    places = extent.memory_slice, extent.image_slice
     if extent.count == 1 and not extent.is_bits:
-        to_image = to_memory = _reversed
-    return _Part(extent.memory_slice, extent.image_slice, to_image, to_memory)
+        return _Part(*places, _reversed, _reversed)
+    return _Part(*places, extent.to_image, extent.to_memory)
 
 
 def _reversed(element: bytes) -> bytes:

@@ -327,10 +327,10 @@ class Cycle:
                         if new != old and i not in told]
             self._times_run, self._times = now != self._times, now
         last = self._last
-        for n, values in enumerate(self._ask):
-            now = values()
-            if now is not last[n]:
-                changes += self._moved(n, now)
+        for n, ask in enumerate(self._ask):
+            values = ask()
+            if values is not last[n]:
+                changes += self._moved(n, values)
         return tuple(changes)
 
     def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
@@ -399,8 +399,8 @@ class Cycle:
                 (self.reactions is not None and self.reactions.must_look()):
             return
         rest = resource.rest()
-        if rest is None or not rest.still and (self.observers or self.recorder
-                                               or self._elapsed_judged):
+        if rest is None or (not rest.still and (self.observers or self.recorder
+                                               or self._elapsed_judged)):
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(), rest.until_ns,
                  self.plant.next_event_ns() if self.plant is not None else None,
