@@ -315,7 +315,7 @@ class Resource:
         return Rest(False, (self._last_ns or 0) + within) if within else None
 
     def is_quiet(self) -> bool:
-        """Whether scans at later releases would change nothing while the inputs stay as they are."""
+        """Whether scans at later releases would change nothing while the inputs stay so."""
         rest = self.rest()
         return rest is not None and rest.still
 

@@ -274,8 +274,6 @@ class Cycle:
             self.plant.before_scan(t_ns)
         if self.player is not None:
             self.player.before_scan(t_ns)
-        if self.exchange.waiting:
-            self.resource.inputs_changed()
         self.exchange.update_inputs()
         self.resource.scan(t_ns, now_ns)
         self.exchange.update_outputs()
@@ -337,8 +335,6 @@ class Cycle:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
         self._last[n] = now
-        if now == before:
-            return []
         return list(compress(enumerate(now, base), map(ne, now, before)) if before
                     else enumerate(now, base))
 
