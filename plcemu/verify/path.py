@@ -50,6 +50,7 @@ class Path:
         fault: why the program stops after the last row; else empty.
         cycle_ns: the time between two scans.
         decided_ns: how long after its last scan it is decided, in ns.
+        may_go_on: whether something could still happen after the last row, although it need not.
     """
 
     start: str
@@ -59,6 +60,7 @@ class Path:
     cycle_ns: int
     predicates: Predicates = field(repr=False)
     decided_ns: int = 0
+    may_go_on: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, times in s."""
@@ -74,7 +76,8 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                text.append("  from here on nothing happens any more:" if stays else
+                rest = "happens" if self.may_go_on else "can happen"
+                text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
                 text.append(f"  {'':>6}  {row.action}")
@@ -181,7 +184,7 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
         for step in run.cycle:
             here = writer.step(graph, here, step)
     return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
-                cycle_ns, predicates, decided[1] if decided else 0)
+                cycle_ns, predicates, decided[1] if decided else 0, bool(graph.targets(here)))
 
 
 class _Writer:
