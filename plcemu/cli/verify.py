@@ -28,6 +28,7 @@ EPILOG = """examples:
   plcemu verify il_programs/batch_plant --set load=7.5 --property produces --save .
   plcemu verify il_programs/evaporator                        # timers and a plant in time
   plcemu verify il_programs/evaporator --set verify.parameters.drain=torricelli
+  plcemu verify il_programs/batch_plant --set verify.fairness=none    # processes need not end
 
 Exit code 1 if a property is violated, a limit was reached before it was decided, or one that was
 asked for by name cannot be decided here."""

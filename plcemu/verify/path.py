@@ -53,6 +53,7 @@ class Path:
         decided_ns: how long after its last scan it is decided, in ns.
         times: the instant of each row, in ns, where time was kept; else rows are a cycle apart.
         remark: what is to know of the instants; else empty.
+        may_go_on: whether something could still happen after the last row, although it need not.
     """
 
     start: str
@@ -64,6 +65,7 @@ class Path:
     decided_ns: int = 0
     times: list[int] | None = None
     remark: str = ""
+    may_go_on: bool = False
 
     def at_ns(self, scan: int) -> int:
         """The instant of a scan, also of one that is played again."""
@@ -87,7 +89,8 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                text.append("  from here on nothing happens any more:" if stays else
+                rest = "happens" if self.may_go_on else "can happen"
+                text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
                 at = "" if self.times is None else f" (at {format_duration(self.at_ns(row.scan))})"
@@ -197,7 +200,8 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
         for step in run.cycle:
             here = writer.step(graph, here, step)
     return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
-                cycle_ns, predicates, decided[1] if decided else 0)
+                cycle_ns, predicates, decided[1] if decided else 0,
+                may_go_on=bool(graph.targets(here)))
 
 
 class _Writer:

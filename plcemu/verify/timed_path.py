@@ -73,7 +73,7 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         last, repeats = real.last, len(real.scans)
         for event in cycle:
             real.follow(event)
-        real.idle(ends_ns)
+        real.idle(ends_ns if cycle else 0)
         writer.take(real.scans[repeats:], real.times[repeats:])
     except _DoesNotFollow as problem:
         writer, last, repeats = _model(loop, predicates, origin, stem, cycle)
@@ -88,7 +88,8 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
     elif not fault:
         shown = repeats if cycle else len(writer.rows) - 1
     return Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault,
-                cycle_ns, predicates, 0, writer.times[:len(writer.rows)], remark)
+                cycle_ns, predicates, 0, writer.times[:len(writer.rows)], remark,
+                may_go_on=bool(graph.targets(run.stem[-1].target if run.stem else run.start)))
 
 
 # ---------------------------------------------------------------- when events happen
