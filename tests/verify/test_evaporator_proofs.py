@@ -54,6 +54,11 @@ def test_all_that_the_paper_proves_holds_and_nothing_becomes_solid(time: str) ->
     assert not [name for name, p in proofs.items() if p.finding.vacuous_in]
 
 
+def test_the_other_properties_hold_too() -> None:
+    assert named(proved(), "holds") - PAPER == {NO_SOLID, "heater_off", "V4_first",
+                                                "heater_in_X3", "alarm"}
+
+
 @pytest.mark.parametrize("time", TIMES)
 def test_the_other_form_of_the_controller_has_the_same_verdicts(time: str) -> None:
     names = ["PS1", "PS2", "PS3", NO_SOLID, "PC1"]

@@ -6,12 +6,17 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, assume, given, reject, settings
-from timed_toys import HEAD, OUTPUTS, Case, Oracle, cases, shown
+from timed_toys import HEAD, INPUTS, OUTPUTS, Case, Oracle, cases, shown
 
 from plant_sim.linear_automaton import Automaton, location, transition
+from plant_sim.timed import TimedNetwork
 from plcemu.base.errors import PlcemuError
+from plcemu.engine.resource import Resource
+from plcemu.lang.compile import compile_program
+from plcemu.monitor import parse_properties
 from plcemu.verify.explore import Graph, Limits, explore, terminal
 from plcemu.verify.loop import DoesNotSettle
+from plcemu.verify.prove import Prover
 from plcemu.verify.timed import IntegerTime, TimedLoop
 from plcemu.verify.timing import Time, timed_loop
 from plcemu.verify.zone_time import ZoneTime
@@ -154,3 +159,54 @@ def test_many_units_are_kept_as_zones() -> None:
                                             "o1 := FALSE;"), {"p": pulse("i0", 1)}), "auto")[0])
              for ms in (1000, 10, 9)}
     assert kinds == {1000: IntegerTime, 10: IntegerTime, 9: ZoneTime}
+
+
+# ---------------------------------------------------------------- durations and runs without end
+
+
+ANSWER = program("a(IN := i0, PT := T#2s);", "o0 := a.Q; o1 := FALSE;")
+
+
+def verdicts(text: str, plant: TimedNetwork, demands: str, **options: Any) -> dict[str, str]:
+    prover = Prover(Resource(compile_program(text), 10_000_000), plant, INPUTS[:1], OUTPUTS,
+                    10_000_000, parse_properties(demands), "timed", **options)
+    return {p.name: p.finding.verdict for p in prover.prove(Limits(states=5000)).proofs}
+
+
+@pytest.mark.parametrize(("within", "verdict"), [
+    ("2s", "holds"), ("1s", "violated"), ("1999ms", "violated"), ("3s", "holds")])
+def test_an_answer_at_the_very_end_of_its_time_is_in_time(within: str, verdict: str) -> None:
+    plant = Case(ANSWER, {"p": pulse("i0", 3)}).plant()
+    assert verdicts(ANSWER, plant, f"it: G (MAIN.i0 -> F[0s,{within}] o0)\n",
+                    time="integer") == {"it": verdict}
+
+
+def test_two_durations_are_left_undecided() -> None:
+    plant = Case(ANSWER, {"p": pulse("i0", 3)}).plant()
+    assert verdicts(ANSWER, plant, "two: G (MAIN.i0 -> F[1s,2s] o0)\n") == {"two": "inconclusive"}
+
+
+def test_time_always_goes_on() -> None:
+    """The sensor must come on at 3 s, though nothing but time makes it."""
+    plant = Case(ANSWER, {"p": pulse("i0", 3)}).plant()
+    demands = "comes: F o0\nagain: G F o0\nearlier: G (o0 -> O MAIN.i0)\n"
+    assert set(verdicts(ANSWER, plant, demands).values()) == {"holds"}
+    assert set(verdicts(ANSWER, plant, demands, fairness="none").values()) == {"holds"}
+
+
+def test_zones_leave_runs_without_end_undecided() -> None:
+    plant = Case(ANSWER, {"p": pulse("i0", 3)}).plant()
+    assert verdicts(ANSWER, plant, "a: EF o0\nb: G F o0\n", time="zones") == {
+        "a": "holds", "b": "inconclusive"}
+
+
+def test_a_property_that_reads_an_elapsed_time_is_undecided() -> None:
+    plant = Case(ANSWER, {"p": pulse("i0", 3)}).plant()
+    assert verdicts(ANSWER, plant, "it: G (a.ET <= T#2s)\n") == {"it": "inconclusive"}
+
+
+def test_a_program_that_calculates_with_elapsed_times_is_refused_with_the_place() -> None:
+    text = program("a(IN := i0, PT := T#2s);", "o0 := a.ET * 2 > T#1s; o1 := FALSE;")
+    plant = Case(text, {"p": pulse("i0", 3)}).plant()
+    with pytest.raises(PlcemuError, match=r"<text>:5:\d+: calculates with MAIN.a"):
+        verdicts(text, plant, "it: G !o1\n")
