@@ -107,23 +107,6 @@ def is_timed(formula: Formula) -> bool:
     return any(isinstance(p, (Unary, Binary)) and p.interval for p in walk(formula))
 
 
-def bounds_of(formula: Formula) -> list[int]:
-    """Return the durations that a formula speaks of, in ns."""
-    ends = [(p.interval.first_ns, p.interval.last_ns) for p in walk(formula)
-            if isinstance(p, (Unary, Binary)) and p.interval]
-    return [ns for pair in ends for ns in pair if ns]
-
-
-def stretched(formula: Formula, ticks: int) -> Formula:
-    """Return a formula whose durations are in parts of a ns; upper ends include their whole ns."""
-    formula = rebuilt(formula, [stretched(part, ticks) for part in children(formula)])
-    if isinstance(formula, (Unary, Binary)) and formula.interval:
-        low, high = formula.interval.first_ns, formula.interval.last_ns
-        last = None if high is None else high * ticks + ticks - 1
-        return replace(formula, interval=Interval(low * ticks, last, True, last is not None))
-    return formula
-
-
 def asks_next(formula: Formula) -> bool:
     """Whether a formula counts scans."""
     return any(isinstance(p, Unary) and p.op == "X" for p in walk(formula))

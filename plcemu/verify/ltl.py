@@ -32,16 +32,7 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.explore import Graph, backwards, explore
 from plcemu.verify.fair import Lasso, Step, fair_components, lasso, run_to
-from plcemu.verify.linear import (
-    FIRST,
-    Translation,
-    Unfit,
-    asks_next,
-    is_timed,
-    stretched,
-    unfit,
-    units,
-)
+from plcemu.verify.linear import FIRST, Translation, Unfit, asks_next, is_timed, unfit, units
 from plcemu.verify.loop import Idle
 from plcemu.verify.observer import ENDLESS, Memory, Observer
 from plcemu.verify.vacuity import idle_parts
@@ -166,26 +157,13 @@ class Reader:
         return sorted(ends, key=lambda reading: (reading.duty, reading.put_off))
 
 
-TICKS = 1 << 20
-"""Parts of a ns in which a loop in time is read. A scan, which takes no time there, takes one part,
-and ns of the formula are whole ones, so that no bound is missed by the scans of an instant."""
-
-
 class Product:
-    """The loop and a reader as one transition system, and what is pending in it.
+    """The loop and a reader as one transition system, and what is pending in it."""
 
-    Args:
-        evidence: the explored loop.
-        reader: reads its runs.
-        mask: of the bits that are read.
-        ticks: parts of a ns, where durations are read and scans take no time; else 0.
-    """
-
-    def __init__(self, evidence: Evidence, reader: Reader, mask: int, ticks: int = 0) -> None:
+    def __init__(self, evidence: Evidence, reader: Reader, mask: int) -> None:
         self.loop, self.graph, self.reader = evidence.loop, evidence.graph, reader
         self._first, self._mask = evidence.first_tested, mask
         self._merged = self.loop.merge != "none"
-        self.ticks = ticks
         self._untils = tuple(f"until {n}" for n in range(reader.automaton.untils))
         self._letters: dict[int, int] = {}
         self._words: dict[tuple[int, Any], list[int]] = {}
@@ -214,7 +192,7 @@ class Product:
         graph, state, found = self.graph, place.state, []
         begin = Reading(-1, *place[1:4], -1)
         steps = list(zip(graph.actions(state), graph.targets(state), strict=True))
-        if graph.expanded(state) and ((self._merged and not self.ticks) or not steps):
+        if graph.expanded(state) and (self._merged or not steps):
             steps.append((STAY, state))
         for action, target in steps:
             word = self._word(state, action, target)
@@ -269,8 +247,7 @@ class Product:
             if key not in self._words:
                 scans = self.loop.scans(source, action)[0][:-1]
                 self._words[key] = [self._letter(*scan) for scan in scans]
-            length = 1 if self.ticks else ENDLESS
-            word += [(letter, length) for letter in self._words[key]]
+            word += [(letter, ENDLESS) for letter in self._words[key]]
         return word
 
     def _letter(self, memory: bytes, plant: Hashable) -> int:
@@ -279,9 +256,6 @@ class Product:
 
     def _between_ns(self, source: Any = None, action: Any = None) -> int:
         """Return how long the values of a scan stand; where that is left open it is no matter."""
-        if self.ticks and action is not STAY:
-            return 1 if source is None else \
-                max(1, self.loop.elapsed_ns(source, action) * self.ticks)
         if self._merged:
             return ENDLESS
         return self.loop.cycle_ns if source is None or action is STAY else \
@@ -307,9 +281,7 @@ class Search:
     @staticmethod
     def of(evidence: Evidence, formula: Formula, atoms: Sequence[Formula], first: bool) -> Search:
         """Search; the `first` one found is enough, or all initial states are to be told apart."""
-        ticks = TICKS if evidence.loop.merge == "timed" and is_timed(formula) else 0
-        reader = Reader(stretched(formula, ticks) if ticks else formula, atoms)
-        system = Product(evidence, reader, (1 << len(atoms)) - 1, ticks)
+        system = Product(evidence, Reader(formula, atoms), (1 << len(atoms)) - 1)
         graph = explore(system, evidence.limits,
                         found=lambda n, place: first and place.broken >= 0)
         found = Search(system, graph)
@@ -340,8 +312,7 @@ class Search:
             at = self.broken[0]
             origin, stem = run_to(self.graph, at)
             place = self.graph.states[at]
-            ns = place.broken // (self.product.ticks or 1)
-            return self._told(Lasso(origin, stem, [])), (place.scans or None, ns)
+            return self._told(Lasso(origin, stem, [])), (place.scans or None, place.broken)
         strong = self.product.loop.fairness == "strong"
         component = min(self.cycles, key=min)
         return self._told(lasso(self.graph, self.product, component, strong)), None

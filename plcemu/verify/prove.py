@@ -34,7 +34,7 @@ from plcemu.verify.machine import ScanMachine, place_of
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.predicates import Predicates
 from plcemu.verify.timed import TimedLoop
-from plcemu.verify.timed_checks import durations, reads_time, suited, why_not_in_time
+from plcemu.verify.timed_checks import reads_time, suited
 from plcemu.verify.timed_path import timed_path_of
 from plcemu.verify.timing import Time, grounds, timed_loop
 
@@ -151,8 +151,8 @@ class Prover:
         watching = self.predicates.mask(formulas), looked_at, (1 << len(watched)) - 1
         self.loop: ClosedLoop
         if merge == "timed":
-            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs,
-                                   durations(self.checks), fairness, *watching)
+            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs, fairness,
+                                   *watching)
             self.checks = [suited(self.loop, self.predicates, check) for check in self.checks]
         else:
             self.loop = ClosedLoop(machine, plant, inputs, outputs, *watching, merge, cycle_ns,
@@ -258,8 +258,7 @@ def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
     if lacks:
         return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
     check = check_for(formula)
-    reason = {"none": "", "stable": check.every_scan, "timed": why_not_in_time(check)}[merge]
-    return NoCheck(reason) if reason else check
+    return NoCheck(check.every_scan) if merge != "none" and check.every_scan else check
 
 
 def _never_written(program: Program, inputs: Sequence[Point],

@@ -122,7 +122,6 @@ class TimedLoop(ClosedLoop):
 
     Args:
         seen: what the program can see of its clocks; without problems.
-        durations: that properties speak of, in ns; the unit of time divides them.
         fairness: as `ClosedLoop`; of the plant: that time passes without end is always assumed.
         rest: as `ClosedLoop`.
 
@@ -132,8 +131,7 @@ class TimedLoop(ClosedLoop):
 
     def __init__(self, seen: Lookout, machine: ScanMachine, plant: TimedPlant,
                  inputs: Sequence[Point], outputs: Sequence[Point],
-                 durations: Collection[int] = (), fairness: Fairness = "weak",
-                 watch: Any = nothing_watched,
+                 fairness: Fairness = "weak", watch: Any = nothing_watched,
                  watched: Any = None, told: int = -1) -> None:
         super().__init__(machine, plant, inputs, outputs, watch, watched, told, "timed",
                          fairness="strong" if fairness == "strong" else "weak", together=False)
@@ -146,8 +144,7 @@ class TimedLoop(ClosedLoop):
         self._number = {name: n for n, name in enumerate(plant.clocks, len(names))}
         constants = plant.constants()
         self.unit_ns = common_unit([*(Fraction(t) for c in self.own for t in c.thresholds),
-                                    *(v * 10**9 for each in constants.values() for v in each),
-                                    *map(Fraction, durations)])
+                                    *(v * 10**9 for each in constants.values() for v in each)])
         self.largest = (*(self._units_ns(max(c.thresholds, default=0)) for c in self.own),
                         *(max((self._units(v) for v in constants[name]), default=0)
                           for name in plant.clocks))

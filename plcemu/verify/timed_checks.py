@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoCheck, NoDeadlock, Reachable
 from plcemu.verify.clocks import clock_names
-from plcemu.verify.linear import asks_next, bounds_of
-from plcemu.verify.ltl import Linear
 from plcemu.verify.predicates import Predicates
 from plcemu.verify.timed import TimedLoop
 from plcemu.verify.zone_time import ZoneTime
@@ -37,25 +33,6 @@ def reads_time(predicates: Predicates, formula: Formula) -> NoCheck | None:
 def _refusal(name: str) -> NoCheck:
     return NoCheck(f"it reads the elapsed time {name}, of which merge: timed only keeps what the "
                    "program compares it with: ask for the step or the timer's Q instead")
-
-
-def why_not_in_time(check: Check) -> str:
-    """Return why a check cannot be judged where time passes by whole units; empty if it can.
-
-    One duration is exact there: the longest time between two events of a run is one of whole units.
-    With several, runs in between may matter.
-    """
-    if not isinstance(check, Linear):
-        return check.every_scan
-    if asks_next(check.formula):
-        return "it counts scans (X), and scans are merged: verify with merge: none"
-    return ("it speaks of more than one duration, which whole units of time may not decide: "
-            "verify with merge: none") if len(bounds_of(check.formula)) > 1 else ""
-
-
-def durations(checks: Sequence[Check]) -> set[int]:
-    """Return the durations that checks speak of, in ns."""
-    return {ns for check in checks if isinstance(check, Linear) for ns in bounds_of(check.formula)}
 
 
 def suited(loop: TimedLoop, predicates: Predicates, check: Check) -> Check:

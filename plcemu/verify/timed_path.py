@@ -69,9 +69,7 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         for event in stem:
             real.follow(event)
         writer = _Writer(loop, predicates, real.scans, real.times)
-        late_ns = max((abs(at - e.t_ns) for e, at in zip(stem, real.taken, strict=True)),
-                      default=0)
-        remark = _lag(late_ns)
+        remark = _lag(stem, real)
         last, repeats = real.last, len(real.scans)
         for event in cycle:
             real.follow(event)
@@ -79,22 +77,18 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         writer.take(real.scans[repeats:], real.times[repeats:])
     except _DoesNotFollow as problem:
         writer, last, repeats = _model(loop, predicates, origin, stem, cycle)
-        late_ns = 0
         remark = ("scans are shown at the model's instants; at a cycle of "
                   f"{format_duration(cycle_ns)} the program does not do the same: {problem}")
     fault = graph.states[(run.stem[-1].target if run.stem else run.start)].fault
-    shown, decided_ns = None, 0
+    shown: int | None = None
     if watched is not None:
         writer.cut(last, watched)
     elif decided is not None:
         writer.keep(last, decided[0])
-        waited = sum(s.action.units for s in run.stem if isinstance(s.action, Passes))
-        at_ns = int(waited * loop.unit_ns) + decided[1] + late_ns
-        decided_ns = max(0, at_ns - writer.times[len(writer.rows) - 1])
     elif not fault:
         shown = repeats if cycle else len(writer.rows) - 1
     return Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault,
-                cycle_ns, predicates, decided_ns, writer.times[:len(writer.rows)], remark,
+                cycle_ns, predicates, 0, writer.times[:len(writer.rows)], remark,
                 may_go_on=bool(graph.targets(run.stem[-1].target if run.stem else run.start)))
 
 
@@ -163,9 +157,10 @@ def _earliest(loop: TimedLoop, states: Sequence[State], actions: Sequence[Any]) 
     return times[1:]
 
 
-def _lag(late_ns: int) -> str:
-    return (f"events are up to {format_duration(late_ns)} off their instants in the model, where "
-            "scans take no time") if late_ns else ""
+def _lag(events: Sequence[Event], real: _Real) -> str:
+    late = max((abs(at - e.t_ns) for e, at in zip(events, real.taken, strict=True)), default=0)
+    return (f"events are up to {format_duration(late)} off their instants in the model, where "
+            "scans take no time") if late else ""
 
 
 # ---------------------------------------------------------------- the program as it runs

@@ -31,14 +31,12 @@ MANY_UNITS = 100
 
 def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machine: ScanMachine,
                plant: Abstraction, inputs: Sequence[Point], outputs: Sequence[Point],
-               durations: Collection[int] = (), fairness: Fairness = "weak",
-               *watching: Any) -> TimedLoop:
+               fairness: Fairness = "weak", *watching: Any) -> TimedLoop:
     """Return the closed loop in time.
 
     Args:
         time: how it is kept; `auto` takes whole units if the constants are small.
         kept: the bytes of memory that matter; None if all may.
-        durations: that properties speak of, in ns; the unit of time divides them.
         rest: as `ClosedLoop`.
 
     Raises:
@@ -56,7 +54,7 @@ def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machi
         raise PlcemuError("time cannot be treated exactly (merge: timed), since the program does "
                           "more with an elapsed time than to compare it with constants:\n  "
                           f"{told}\nVerify every scan instead: merge: none")
-    arguments = (seen, machine, in_time(plant), inputs, outputs, durations, fairness, *watching)
+    arguments = (seen, machine, in_time(plant), inputs, outputs, fairness, *watching)
     if time == "zones":
         return ZoneTime(*arguments)
     loop = IntegerTime(*arguments)
