@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
+from plcemu.base.time import format_duration
 from plcemu.base.trace import Change, Frame, Trace
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
@@ -51,6 +52,8 @@ class Path:
         cycle_ns: the time between two scans.
         decided_ns: how long after its last scan it is decided, in ns.
         may_go_on: whether something could still happen after the last row, although it need not.
+        times: the instant of each row, in ns, where time was kept; else rows are a cycle apart.
+        remark: what is to know of the instants; else empty.
     """
 
     start: str
@@ -61,14 +64,21 @@ class Path:
     predicates: Predicates = field(repr=False)
     decided_ns: int = 0
     may_go_on: bool = False
+    times: list[int] | None = None
+    remark: str = ""
+
+    def at_ns(self, row: Row) -> int:
+        """The instant of a row's scan."""
+        return row.scan * self.cycle_ns if self.times is None else self.times[row.scan]
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, times in s."""
-        rows = [{"scan": r.scan, "t_s": r.scan * self.cycle_ns / 1e9, "action": r.action,
+        rows = [{"scan": r.scan, "t_s": self.at_ns(r) / 1e9, "action": r.action,
                  "changes": r.changes} for r in self.rows if r.changes or r.action]
         return {"initial": self.start, "scans": len(self.rows),
                 "ends_at_s": self.ends_at_ns / 1e9, "rows": rows,
-                "repeats_from_scan": self.repeats_from, "fault": self.fault}
+                "repeats_from_scan": self.repeats_from, "fault": self.fault,
+                "remark": self.remark}
 
     def lines(self) -> list[str]:
         """Return it as text, a line for each scan that changed something."""
@@ -76,15 +86,19 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                rest = "happens" if self.may_go_on else "can happen"
+                rest = "happens, while time passes," if self.times is not None else \
+                    "happens" if self.may_go_on else "can happen"
                 text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
-                text.append(f"  {'':>6}  {row.action}")
+                at = "" if self.times is None else f" (at {format_duration(self.at_ns(row))})"
+                text.append(f"  {'':>6}  {row.action}{at}")
             if row.changes:
                 told = ", ".join(f"{_short(tag)} = {_shown(value)}"
                                  for tag, value in row.changes.items())
                 text.append(f"  {row.scan:>6}  {told}")
+        if self.remark:
+            text.append(f"  {self.remark}")
         if self.fault:
             text.append(f"  {'':>6}  FAULT: {self.fault}")
         return text
@@ -92,7 +106,7 @@ class Path:
     @property
     def ends_at_ns(self) -> int:
         """The instant at which a violation that takes no run without end is decided."""
-        return (len(self.rows) - 1) * self.cycle_ns + self.decided_ns
+        return self.at_ns(self.rows[-1]) + self.decided_ns
 
     def played(self, rounds: int = 1) -> list[Row]:
         """Return the scans with what is repeated for ever played a number of times."""
@@ -122,7 +136,8 @@ class Path:
             before = now
             if values:
                 note = f"  # {row.action}" if row.action else ""
-                lines.append(f"  - {{t_ns: {scan * self.cycle_ns}, set: {{{values}}}}}{note}")
+                at_ns = self.at_ns(row) if scan == row.scan else scan * self.cycle_ns
+                lines.append(f"  - {{t_ns: {at_ns}, set: {{{values}}}}}{note}")
         return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
@@ -132,7 +147,7 @@ class Path:
         for row in self.rows:
             changes: tuple[Change, ...] = tuple(
                 (i, v) for i, v in enumerate(row.values) if not before or before[i] != v)
-            trace.observe(Frame(row.scan * self.cycle_ns, row.scan, changes))
+            trace.observe(Frame(self.at_ns(row), row.scan, changes))
             before = row.values
         trace.end_ns = self.ends_at_ns
         return trace
@@ -195,8 +210,6 @@ class _Writer:
         self.rows: list[Row] = []
         self.before: tuple[Value, ...] = ()
         self.last: list[tuple[bytes, Hashable]] = []
-        self.names = [tag.name for tag in predicates.tags]
-        self.shown = [tag.type != "TIME" for tag in predicates.tags]
 
     def step(self, graph: StateGraph, source: int, step: Step) -> int:
         # What was cut away from the state goes on from what it was.
@@ -209,11 +222,8 @@ class _Writer:
         self.last = scans
         for n, (memory, plant) in enumerate(scans):
             values = tuple(self.predicates.values(memory, self.loop.facts(plant)))
-            changes = {name: now for name, now, shown, old in
-                       zip(self.names, values, self.shown, self.before or _initial(values),
-                           strict=True) if shown and now != old}
-            self.rows.append(Row(len(self.rows), action if n == 0 else "", changes,
-                                 self.loop.raw_inputs(plant), values))
+            self.rows.append(row_of(len(self.rows), action if n == 0 else "", self.predicates,
+                                    values, self.before, self.loop.raw_inputs(plant)))
             self.before = values
 
     def cut(self, watched: int) -> None:
@@ -227,6 +237,15 @@ class _Writer:
         """Keep so many scans of the last step; all if None."""
         if scans is not None:
             del self.rows[len(self.rows) - len(self.last) + scans:]
+
+
+def row_of(scan: int, action: str, predicates: Predicates, values: tuple[Value, ...],
+           before: tuple[Value, ...], inputs: dict[str, int]) -> Row:
+    """Return the row of a scan from the values of all tags after it and after the one before."""
+    changes = {tag.name: now for tag, now, old in
+               zip(predicates.tags, values, before or _initial(values), strict=True)
+               if tag.type != "TIME" and now != old}
+    return Row(scan, action, changes, inputs, values)
 
 
 def _initial(values: tuple[Value, ...]) -> tuple[Value, ...]:
