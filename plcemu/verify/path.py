@@ -51,9 +51,9 @@ class Path:
         fault: why the program stops after the last row; else empty.
         cycle_ns: the time between two scans.
         decided_ns: how long after its last scan it is decided, in ns.
-        may_go_on: whether something could still happen after the last row, although it need not.
         times: the instant of each row, in ns, where time was kept; else rows are a cycle apart.
         remark: what is to know of the instants; else empty.
+        may_go_on: whether something could still happen after the last row, although it need not.
     """
 
     start: str
@@ -63,17 +63,20 @@ class Path:
     cycle_ns: int
     predicates: Predicates = field(repr=False)
     decided_ns: int = 0
-    may_go_on: bool = False
     times: list[int] | None = None
     remark: str = ""
+    may_go_on: bool = False
 
-    def at_ns(self, row: Row) -> int:
-        """The instant of a row's scan."""
-        return row.scan * self.cycle_ns if self.times is None else self.times[row.scan]
+    def at_ns(self, scan: int) -> int:
+        """The instant of a scan, also of one that is played again."""
+        if self.times is None:
+            return scan * self.cycle_ns
+        over = scan - len(self.times) + 1
+        return self.times[scan] if over <= 0 else self.times[-1] + over * self.cycle_ns
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, times in s."""
-        rows = [{"scan": r.scan, "t_s": self.at_ns(r) / 1e9, "action": r.action,
+        rows = [{"scan": r.scan, "t_s": self.at_ns(r.scan) / 1e9, "action": r.action,
                  "changes": r.changes} for r in self.rows if r.changes or r.action]
         return {"initial": self.start, "scans": len(self.rows),
                 "ends_at_s": self.ends_at_ns / 1e9, "rows": rows,
@@ -86,17 +89,19 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                rest = "happens, while time passes," if self.times is not None else \
-                    "happens" if self.may_go_on else "can happen"
+                rest = "happens" if self.may_go_on else "can happen"
                 text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
-                at = "" if self.times is None else f" (at {format_duration(self.at_ns(row))})"
+                at = "" if self.times is None else f" (at {format_duration(self.at_ns(row.scan))})"
                 text.append(f"  {'':>6}  {row.action}{at}")
             if row.changes:
                 told = ", ".join(f"{_short(tag)} = {_shown(value)}"
                                  for tag, value in row.changes.items())
                 text.append(f"  {row.scan:>6}  {told}")
+        if self.decided_ns:
+            at = format_duration(self.ends_at_ns)
+            text.append(f"  {'':>6}  violated at {at}, as time passes")
         if self.remark:
             text.append(f"  {self.remark}")
         if self.fault:
@@ -106,7 +111,7 @@ class Path:
     @property
     def ends_at_ns(self) -> int:
         """The instant at which a violation that takes no run without end is decided."""
-        return self.at_ns(self.rows[-1]) + self.decided_ns
+        return self.at_ns(len(self.rows) - 1) + self.decided_ns
 
     def played(self, rounds: int = 1) -> list[Row]:
         """Return the scans with what is repeated for ever played a number of times."""
@@ -136,8 +141,7 @@ class Path:
             before = now
             if values:
                 note = f"  # {row.action}" if row.action else ""
-                at_ns = self.at_ns(row) if scan == row.scan else scan * self.cycle_ns
-                lines.append(f"  - {{t_ns: {at_ns}, set: {{{values}}}}}{note}")
+                lines.append(f"  - {{t_ns: {self.at_ns(scan)}, set: {{{values}}}}}{note}")
         return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
@@ -147,7 +151,7 @@ class Path:
         for row in self.rows:
             changes: tuple[Change, ...] = tuple(
                 (i, v) for i, v in enumerate(row.values) if not before or before[i] != v)
-            trace.observe(Frame(self.at_ns(row), row.scan, changes))
+            trace.observe(Frame(self.at_ns(row.scan), row.scan, changes))
             before = row.values
         trace.end_ns = self.ends_at_ns
         return trace
@@ -199,7 +203,8 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
         for step in run.cycle:
             here = writer.step(graph, here, step)
     return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
-                cycle_ns, predicates, decided[1] if decided else 0, bool(graph.targets(here)))
+                cycle_ns, predicates, decided[1] if decided else 0,
+                may_go_on=bool(graph.targets(here)))
 
 
 class _Writer:

@@ -15,6 +15,7 @@ from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suite import Suite
 from plcemu.verify.check import (
     HOLDS,
     INCONCLUSIVE,
@@ -130,9 +131,10 @@ class Prover:
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
-        self.checks = [
-            (reads_time(self.predicates, p.formula) if merge == "timed" else None)
-            or _check(p.formula, plant, merge) for p in self.properties]
+        self.checks = [_check(p.formula, plant, merge) for p in self.properties]
+        if merge == "timed":
+            self.checks = [reads_time(self.predicates, p.formula) or check for p, check in
+                           zip(self.properties, self.checks, strict=True)]
         judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
                   if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
         diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
@@ -150,8 +152,8 @@ class Prover:
         watching = self.predicates.mask(formulas), looked_at, (1 << len(watched)) - 1
         self.loop: ClosedLoop
         if merge == "timed":
-            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs, *watching)
-            self.loop.fairness = fairness
+            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs, fairness,
+                                   *watching)
             self.checks = [suited(self.loop, self.predicates, check) for check in self.checks]
         else:
             self.loop = ClosedLoop(machine, plant, inputs, outputs, *watching, merge, cycle_ns,
@@ -214,10 +216,12 @@ class Prover:
         path = None
         if finding.run is not None:
             path = self._path(graph, finding.run, watched, finding.decided)
+            if finding.decided is not None and path.times is not None:
+                _let_the_monitor_decide(path, entry)
         return Proof(entry.name, str(entry.formula), entry.description, finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
 
-    def _path(self, graph: StateGraph, run: Lasso, watched: int | None,
+    def _path(self, graph: StateGraph, run: Lasso, watched: int | None = None,
               decided: tuple[int | None, int] | None = None) -> Path:
         of = timed_path_of if isinstance(self.loop, TimedLoop) else path_of
         return of(self.loop, graph, self.predicates, run, watched, self.cycle_ns, decided)
@@ -242,11 +246,28 @@ class Prover:
         if at is None:
             return None
         run = Lasso(*run_to(graph, at), [])
-        path = self._path(graph, run, None)
+        path = self._path(graph, run)
         finding = Finding(VIOLATED, run=run, bad={n for n, s in enumerate(graph.states)
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def _let_the_monitor_decide(path: Path, entry: Property) -> None:
+    """Take the instant of a violation from the path's real scans, which come later than the
+    model's, where scans take no time."""
+    try:
+        suite = Suite([entry], path.predicates.tags)
+    except CompileError:
+        return
+    for frame in path.trace().frames:
+        suite.observe(frame)
+    due_ns = suite.next_deadline_ns()
+    if due_ns is not None:
+        suite.advance(due_ns)
+    result, = suite.results()
+    if result.failed and result.decided_at_ns is not None:
+        path.decided_ns += result.decided_at_ns - path.ends_at_ns
 
 
 def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:

@@ -26,7 +26,7 @@ from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
 from plcemu.verify.clocks import Clock, Lookout
-from plcemu.verify.loop import ClosedLoop, FinitePlant, State, Trail, nothing_watched
+from plcemu.verify.loop import ClosedLoop, Fairness, FinitePlant, State, Trail, nothing_watched
 from plcemu.verify.machine import ScanMachine
 from plcemu.verify.views import Outcome
 
@@ -122,6 +122,7 @@ class TimedLoop(ClosedLoop):
 
     Args:
         seen: what the program can see of its clocks; without problems.
+        fairness: as `ClosedLoop`; of the plant: that time passes without end is always assumed.
         rest: as `ClosedLoop`.
 
     Raises:
@@ -129,10 +130,12 @@ class TimedLoop(ClosedLoop):
     """
 
     def __init__(self, seen: Lookout, machine: ScanMachine, plant: TimedPlant,
-                 inputs: Sequence[Point], outputs: Sequence[Point], watch: Any = nothing_watched,
+                 inputs: Sequence[Point], outputs: Sequence[Point],
+                 fairness: Fairness = "weak", watch: Any = nothing_watched,
                  watched: Any = None, told: int = -1) -> None:
         super().__init__(machine, plant, inputs, outputs, watch, watched, told, "timed",
-                         together=False)
+                         fairness="strong" if fairness == "strong" else "weak", together=False)
+        self._is_fair = fairness != "none"
         self.plant: TimedPlant = plant
         self.seen = seen
         self.own = seen.clocks
@@ -343,7 +346,9 @@ class TimedLoop(ClosedLoop):
 
     def pending(self, state: Any) -> Collection[str]:
         """Time, which passes without end; and what is pending in the plant."""
-        return ("time", *super().pending(state)) if not state.fault else ()
+        if state.fault:
+            return ()
+        return ("time", *self.plant.pending(state.plant)) if self._is_fair else ("time",)
 
     def done(self, action: Any) -> Collection[str]:
         """What of it a step brings about."""

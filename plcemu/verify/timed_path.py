@@ -63,8 +63,8 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
     """
     assert isinstance(loop, TimedLoop)
     first = graph.states[run.start]
-    origin = loop.origins[first]
-    stem, cycle = events_of(loop, graph, run)
+    origin = loop.origins[first] if run.origin is None else run.origin
+    stem, cycle, ends_ns = events_of(loop, graph, run)
     try:
         real = _Real(loop, cycle_ns, origin, first)
         for event in stem:
@@ -74,6 +74,7 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         last, repeats = real.last, len(real.scans)
         for event in cycle:
             real.follow(event)
+        real.idle(ends_ns if cycle else 0)
         writer.take(real.scans[repeats:], real.times[repeats:])
     except _DoesNotFollow as problem:
         writer, last, repeats = _model(loop, predicates, origin, stem, cycle)
@@ -87,21 +88,22 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         writer.keep(last, decided[0])
     elif not fault:
         shown = repeats if cycle else len(writer.rows) - 1
-    times = writer.times[:len(writer.rows)]
-    path = Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault, cycle_ns,
-                predicates, times=times, remark=remark)
+    times, late_ns = writer.times[:len(writer.rows)], 0
     if decided is not None:
-        passed = sum(loop.elapsed_ns(None, step.action) for step in run.stem)
-        path.decided_ns = max(0, passed + decided[1] - times[-1])
-    return path
+        passed_ns = sum(loop.elapsed_ns(first, step.action) for step in run.stem)
+        late_ns = max(0, passed_ns + decided[1] - times[-1])
+    return Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault,
+                cycle_ns, predicates, late_ns, times, remark,
+                may_go_on=bool(graph.targets(run.stem[-1].target if run.stem else run.start)))
 
 
 # ---------------------------------------------------------------- when events happen
 
 
 def events_of(loop: TimedLoop, graph: StateGraph,
-              run: Lasso) -> tuple[list[Event], list[Event]]:
-    """Return the events of a run's stem and of its cycle, with instants at which they can be."""
+              run: Lasso) -> tuple[list[Event], list[Event], int]:
+    """Return the events of a run's stem and of its cycle, with instants at which they can be, and
+    the instant at which the cycle ends, in ns."""
     states, actions = [graph.states[run.start]], []
     for step in (*run.stem, *run.cycle):
         states.append(graph.states[step.target])
@@ -114,7 +116,9 @@ def events_of(loop: TimedLoop, graph: StateGraph,
                if isinstance(action, Happens)]
               for part, times in ((moves[:len(run.stem)], units[:len(run.stem)]),
                                   (moves[len(run.stem):], units[len(run.stem):]))]
-    return events[0], events[1]
+    ends = units[-1] + (actions[-1].units if isinstance(actions[-1], Passes) else 0) \
+        if run.cycle else 0
+    return events[0], events[1], int(ends * loop.unit_ns)
 
 
 def _by_waiting(actions: Sequence[Any]) -> list[int]:
@@ -206,6 +210,13 @@ class _Real:
         for each in event.action.events:
             self.plant = self.loop.plant.after(self.plant, each)
         self._settle(event.target, str(event.action), event)
+
+    def idle(self, until_ns: int) -> None:
+        """Make scans up to an instant while none of the program's clocks expires."""
+        classes = self._classes(self.memory)
+        while self.t_ns < until_ns and len(self.scans) <= SCANS_LIMIT and \
+                self._classes(self._later(1)) == classes:
+            self._scan("")
 
     def _is_due(self, event: Event) -> bool:
         """Whether the next scan is the one that sees an event.

@@ -18,6 +18,7 @@ from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
 from plcemu.verify.clocks import lookout
+from plcemu.verify.loop import Fairness
 from plcemu.verify.machine import ScanMachine
 from plcemu.verify.timed import IntegerTime, TimedLoop
 from plcemu.verify.zone_time import ZoneTime
@@ -30,7 +31,7 @@ MANY_UNITS = 100
 
 def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machine: ScanMachine,
                plant: Abstraction, inputs: Sequence[Point], outputs: Sequence[Point],
-               *watching: Any) -> TimedLoop:
+               fairness: Fairness = "weak", *watching: Any) -> TimedLoop:
     """Return the closed loop in time.
 
     Args:
@@ -53,7 +54,7 @@ def timed_loop(time: Time, program: Program, kept: Collection[int] | None, machi
         raise PlcemuError("time cannot be treated exactly (merge: timed), since the program does "
                           "more with an elapsed time than to compare it with constants:\n  "
                           f"{told}\nVerify every scan instead: merge: none")
-    arguments = (seen, machine, in_time(plant), inputs, outputs, *watching)
+    arguments = (seen, machine, in_time(plant), inputs, outputs, fairness, *watching)
     if time == "zones":
         return ZoneTime(*arguments)
     loop = IntegerTime(*arguments)

@@ -247,9 +247,9 @@ class VerifySection(Section):
     abstraction: str | None = None
     parameters: dict[str, Any] = {}
     initial: str | None = None
-    fairness: Literal["weak", "strong", "none"] = "weak"
     merge: Literal["stable", "none", "timed"] = "stable"
     time: Literal["auto", "integer", "zones"] = "auto"
+    fairness: Literal["weak", "strong", "none"] = "weak"
     frozen: str | None = None
     sipn_single_firing: bool | None = None
     monitored: bool = True
