@@ -165,7 +165,9 @@ class ClosedLoop:
 
     def pending(self, state: State) -> Collection[str]:
         """What is under way in the plant."""
-        return () if state.fault or self._stands_still(state) else self.plant.pending(state.plant)
+        if state.fault or self.fairness == "none" or self._stands_still(state):
+            return ()
+        return self.plant.pending(state.plant)
 
     def done(self, action: Any) -> Collection[str]:
         """What of it an action brings about."""

@@ -99,6 +99,9 @@ class Path:
                 told = ", ".join(f"{_short(tag)} = {_shown(value)}"
                                  for tag, value in row.changes.items())
                 text.append(f"  {row.scan:>6}  {told}")
+        if self.decided_ns:
+            at = format_duration(self.ends_at_ns)
+            text.append(f"  {'':>6}  violated at {at}, as time passes")
         if self.remark:
             text.append(f"  {self.remark}")
         if self.fault:

@@ -15,6 +15,7 @@ from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suite import Suite
 from plcemu.verify.check import (
     HOLDS,
     INCONCLUSIVE,
@@ -215,6 +216,8 @@ class Prover:
         path = None
         if finding.run is not None:
             path = self._path(graph, finding.run, watched, finding.decided)
+            if finding.decided is not None and path.times is not None:
+                _let_the_monitor_decide(path, entry)
         return Proof(entry.name, str(entry.formula), entry.description, finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
 
@@ -250,6 +253,23 @@ class Prover:
                      self._by_initial(graph, finding), len(graph), graph.seconds)
 
 
+def _let_the_monitor_decide(path: Path, entry: Property) -> None:
+    """Take the instant of a violation from the path's real scans, which come later than the
+    model's, where scans take no time."""
+    try:
+        suite = Suite([entry], path.predicates.tags)
+    except CompileError:
+        return
+    for frame in path.trace().frames:
+        suite.observe(frame)
+    due_ns = suite.next_deadline_ns()
+    if due_ns is not None:
+        suite.advance(due_ns)
+    result, = suite.results()
+    if result.failed and result.decided_at_ns is not None:
+        path.decided_ns += result.decided_at_ns - path.ends_at_ns
+
+
 def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
     """Return the check of a formula, or why it cannot be judged of this loop."""
     known = {f"plant.{f.name}".casefold() for f in plant.facts}
@@ -258,7 +278,8 @@ def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
     if lacks:
         return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
     check = check_for(formula)
-    return NoCheck(check.every_scan) if merge != "none" and check.every_scan else check
+    reason = check.unfit_for(merge)
+    return NoCheck(reason) if reason else check
 
 
 def _never_written(program: Program, inputs: Sequence[Point],

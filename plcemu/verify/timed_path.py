@@ -58,7 +58,8 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         run: what to show.
         watched: the path ends in the scan of its last step in which this watched formula holds.
         cycle_ns: the time between two scans.
-        decided: or it ends with this number of scans of its last step.
+        decided: or it is decided in its last step: with this number of its scans, None for all,
+            so many ns after the last of them.
     """
     assert isinstance(loop, TimedLoop)
     first = graph.states[run.start]
@@ -87,8 +88,12 @@ def timed_path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, r
         writer.keep(last, decided[0])
     elif not fault:
         shown = repeats if cycle else len(writer.rows) - 1
+    times, late_ns = writer.times[:len(writer.rows)], 0
+    if decided is not None:
+        passed_ns = sum(loop.elapsed_ns(first, step.action) for step in run.stem)
+        late_ns = max(0, passed_ns + decided[1] - times[-1])
     return Path(loop.plant.name_of(origin), writer.rows, shown, "" if decided else fault,
-                cycle_ns, predicates, 0, writer.times[:len(writer.rows)], remark,
+                cycle_ns, predicates, late_ns, times, remark,
                 may_go_on=bool(graph.targets(run.stem[-1].target if run.stem else run.start)))
 
 
@@ -297,6 +302,11 @@ class _Writer:
         self.times += times
         self._scans += scans
 
+    def keep(self, first: int, scans: int | None) -> None:
+        """Keep so many scans from a certain one on; all if None."""
+        if scans is not None:
+            del self.rows[first + scans:]
+
     def cut(self, first: int, watched: int) -> None:
         """Drop the scans after the first one, from a certain one on, in which a formula holds."""
         for n in range(first, len(self._scans)):
@@ -304,11 +314,6 @@ class _Writer:
             if self.loop.watch(memory, self.loop.facts(plant)) >> watched & 1:
                 del self.rows[n + 1:]
                 return
-
-    def keep(self, first: int, scans: int | None) -> None:
-        """Keep so many scans from a certain one on; all if None."""
-        if scans is not None:
-            del self.rows[first + scans:]
 
 
 def _model(loop: TimedLoop, predicates: Predicates, origin: Hashable, stem: Sequence[Event],
