@@ -395,7 +395,7 @@ class Cycle:
         before the limit is never passed over, so that all clocks stand right in the end.
         """
         resource = self.resource
-        if self.exchange.waiting or self._times_run or \
+        if self._times_run or self.exchange.waiting or \
                 (self.reactions is not None and self.reactions.must_look()):
             return
         rest = resource.rest()
