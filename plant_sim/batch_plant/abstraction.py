@@ -9,8 +9,8 @@ for good; the fact that says why is then true.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache, partial
 from itertools import combinations, compress, product
 from operator import itemgetter
 from typing import NamedTuple
@@ -55,6 +55,10 @@ class State(NamedTuple):
     tanks: tuple[str, ...]
     running: tuple[Running, ...]
     trouble: str
+
+
+_state: Callable[[tuple[tuple[str, ...], tuple[Running, ...], str]], State]
+_state = partial(tuple.__new__, State)  # as State(...), in half the time
 
 
 class Ends(tuple[str, ...]):
@@ -129,7 +133,7 @@ class BatchAbstraction:
                 break
         else:
             if not switching.clash:
-                return State(tanks, switching.after, ORDER)
+                return _state((tanks, switching.after, ORDER))
         return _begin_in_turn(state, switching)
 
     # What happens by itself
@@ -144,7 +148,7 @@ class BatchAbstraction:
         tanks = list(state.tanks)
         for at, change in changes:
             tanks[at] = change[tanks[at]]
-        return State(tuple(tanks), running, state.trouble)
+        return _state((tuple(tanks), running, state.trouble))
 
     def observe(self, state: State) -> Mapping[str, FactValue]:
         """The values of the facts."""

@@ -172,6 +172,17 @@ class ClosedLoop:
         """The scans of a step, the plant in the end, and why the program faulted, if it did."""
         return self._settling.step(state.memory, self._after(state, action), self._elapsed_ns)
 
+    def outcome(self, memory: bytes, plant: Hashable) -> tuple[int, Hashable]:
+        """Which watched formulas hold after a scan that saw a plant and left memory so, as bits,
+        and the plant once its actuators follow the outputs."""
+        holding, following = self._settling.outcome(memory, self._views.of(plant))
+        return holding, following.state
+
+    def scan(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
+        """Memory after one scan that sees a plant, once some time has passed."""
+        image = self.machine.image(self._views.of(plant).inputs.raw)
+        return self.machine.scan(memory, image, elapsed_ns)
+
     def facts(self, plant: Hashable) -> tuple[Value, ...]:
         """The values of the plant's facts, in their order."""
         return self._views.of(plant).facts

@@ -97,6 +97,7 @@ class Views:
         self._seen: dict[tuple[Any, ...], Inputs] = {}
         self._values: dict[bytes, dict[str, Any]] = {}
         self._holding: dict[tuple[bytes, tuple[Value, ...]], int] = {}
+        self._known: dict[bytes, bytes] = {}
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
 
@@ -134,7 +135,7 @@ class Views:
                 holding = self._holding[watched, view.facts] = self._judge(watched, view.facts)
             state = self._plant.actuate(view.state, values)
             found = holding, view if state is view.state else self.of(state)
-            view.outcomes[told] = found
+            view.outcomes[self._known.setdefault(told, told)] = found
         return found
 
     def _judge(self, watched: bytes, facts: tuple[Value, ...]) -> int:
