@@ -117,7 +117,7 @@ class BatchAbstraction:
             busy = {tank: name for name in key[1] for tank in PROCESSES[name].changes}
             seen = self._sensed[key] = {}
             for tank, content in zip(NAMES, state.tanks, strict=True):
-                seen.update(_reading(tank, content, busy.get(tank, "")))
+                seen.update(_reading(tank, content, busy.get(tank)))
         return seen
 
     def actuate(self, state: State, values: Mapping[str, PortValue]) -> State:
@@ -172,7 +172,7 @@ Changes = tuple[tuple[int, Change], ...]
 
 
 @cache
-def _reading(tank: str, content: str, process: str) -> dict[str, float]:
+def _reading(tank: str, content: str, process: str | None) -> dict[str, float]:
     """What a tank's sensors read while a process, or none, has begun and not ended."""
     before = content_of(content)
     after = content_of(PROCESSES[process].changes[tank][content]) if process else before

@@ -52,7 +52,7 @@ class Rounds(Settling):
         for scan in range(SETTLES_WITHIN):
             if not going:
                 break
-            ran = batch.run(going, [views[n].inputs.packed for n in going], elapsed_ns)
+            ran = batch.run(going, [views[n].packed for n in going], elapsed_ns)
             self.machine.scans += len(going) - len(ran.faults)
             goes_on = []
             for at, (n, told, changed) in enumerate(zip(going, ran.told, ran.changed, strict=True)):

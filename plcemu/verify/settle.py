@@ -77,10 +77,11 @@ class Settling:
     def step(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> Trail:
         """Return the scans of a step; the plant follows the outputs after each."""
         scans: list[tuple[bytes, Hashable]] = []
-        machine, view, before = self.machine, self.views.of(plant), self.machine.reduced(memory)
+        machine, views = self.machine, self.views
+        view, before = views.of(plant), machine.reduced(memory)
         try:
             for _ in range(SETTLES_WITHIN):
-                memory = machine.scan(memory, machine.image(view.inputs.raw), elapsed_ns)
+                memory = machine.scan(memory, views.image(view.state), elapsed_ns)
                 scans.append((memory, view.state))
                 after = machine.reduced(memory)
                 _, following = self.outcome(after, view)

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from operator import itemgetter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
-from plcemu.verify.machine import ScanMachine, place_of
+from plcemu.verify.machine import Image, ScanMachine, place_of
 
 
 class FinitePlant(Protocol):
@@ -30,32 +30,22 @@ class FinitePlant(Protocol):
     def done(self, action: Any) -> Collection[str]: ...
 
 
-class Inputs(NamedTuple):
-    """What a plant's sensors read.
-
-    Attributes:
-        raw: the raw bytes of each input.
-        packed: the same as a batch of scans takes it.
-    """
-
-    raw: list[bytes]
-    packed: bytes
-
-
 class View:
     """A plant's state.
 
     Attributes:
         state: the plant's own.
-        inputs: what its sensors read.
+        packed: what its sensors read, as a batch of scans takes it.
         facts: the values of its facts.
+        holding: watched bytes of memory -> which watched formulas hold, with these facts.
         outcomes: what scans that see it tell of memory -> what that means.
     """
 
-    __slots__ = ("facts", "inputs", "outcomes", "state")
+    __slots__ = ("facts", "holding", "outcomes", "packed", "state")
 
-    def __init__(self, state: Hashable, inputs: Inputs, facts: tuple[Value, ...]) -> None:
-        self.state, self.inputs, self.facts = state, inputs, facts
+    def __init__(self, state: Hashable, packed: bytes, facts: tuple[Value, ...],
+                 holding: dict[bytes, int]) -> None:
+        self.state, self.packed, self.facts, self.holding = state, packed, facts, holding
         self.outcomes: dict[bytes, Outcome] = {}
 
 
@@ -90,14 +80,14 @@ class Views:
         self.told = (*told, *watched)
         """The bytes of memory that must be known of every scan: outputs, then watched ones."""
         self.batch = machine.batch(self.told)
-        self._readings = _getter([p.name for p in inputs])
+        in_memory = [inputs[n] for n in machine.order]
+        self._tables = [_Raw(point) for point in in_memory]
+        self._readings = _getter([p.name for p in in_memory])
         self._fact_values = _getter([f.name for f in plant.facts])
         self._views: dict[Hashable, View] = {}
-        self._raw = [_Raw(point) for point in inputs]
-        self._seen: dict[tuple[Any, ...], Inputs] = {}
-        self._values: dict[bytes, dict[str, Any]] = {}
-        self._holding: dict[tuple[bytes, tuple[Value, ...]], int] = {}
-        self._known: dict[bytes, bytes] = {}
+        self._packed: dict[tuple[Any, ...], bytes] = {}
+        self._told: dict[bytes, tuple[bytes, dict[str, Any], bytes]] = {}
+        self._holding: dict[tuple[Value, ...], dict[bytes, int]] = {}
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
 
@@ -106,14 +96,27 @@ class Views:
         found = self._views.get(plant)
         if found is None:
             readings = self._readings(self._plant.sense(plant))
-            inputs = self._seen.get(readings)
-            if inputs is None:
-                raw = [table[value] for table, value in zip(self._raw, readings, strict=True)]
-                packed = self.batch.image([raw[n] for n in self._machine.order])
-                inputs = self._seen[readings] = Inputs(raw, packed)
+            packed = self._packed.get(readings)
+            if packed is None:
+                packed = self._packed[readings] = self.batch.image(self._raw(readings))
             facts = self._fact_values(self._plant.observe(plant))
-            found = self._views[plant] = View(plant, inputs, facts)
+            holding = self._holding.get(facts)
+            if holding is None:
+                holding = self._holding[facts] = {}
+            found = self._views[plant] = View(plant, packed, facts, holding)
         return found
+
+    def raw(self, plant: Hashable) -> list[bytes]:
+        """Return what a plant's sensors read: the raw bytes of each input."""
+        raw = self._raw(self._readings(self._plant.sense(plant)))
+        return [data for _, data in sorted(zip(self._machine.order, raw, strict=True))]
+
+    def image(self, plant: Hashable) -> Image:
+        """Return the same as a single scan takes it."""
+        return self._machine.image(self.raw(plant))
+
+    def _raw(self, readings: tuple[Any, ...]) -> list[bytes]:
+        return [table[value] for table, value in zip(self._tables, readings, strict=True)]
 
     def outcome(self, view: View, told: bytes) -> Outcome:
         """Return what a scan means that saw a plant's state.
@@ -124,19 +127,21 @@ class Views:
         """
         found = view.outcomes.get(told)
         if found is None:
-            outputs, watched = told[:self._outputs], told[self._outputs:]
-            values = self._values.get(outputs)
-            if values is None:
-                values = self._values[outputs] = {
-                    p.name: p.to_value(int.from_bytes(outputs[at], "little"))
-                    for p, at in self._actuators}
-            holding = self._holding.get((watched, view.facts))
+            parts = self._told.get(told)
+            if parts is None:
+                parts = self._told[told] = told, self._values(told), told[self._outputs:]
+            told, values, watched = parts
+            holding = view.holding.get(watched)
             if holding is None:
-                holding = self._holding[watched, view.facts] = self._judge(watched, view.facts)
+                holding = view.holding[watched] = self._judge(watched, view.facts)
             state = self._plant.actuate(view.state, values)
-            found = holding, view if state is view.state else self.of(state)
-            view.outcomes[self._known.setdefault(told, told)] = found
+            found = view.outcomes[told] = holding, view if state is view.state else self.of(state)
         return found
+
+    def _values(self, told: bytes) -> dict[str, Any]:
+        """Return the actuators' values; one whose output the program does not use stays off."""
+        return {p.name: p.to_value(int.from_bytes(told[at], "little"))
+                for p, at in self._actuators}
 
     def _judge(self, watched: bytes, facts: tuple[Value, ...]) -> int:
         """Ask which watched formulas hold; of memory they see nothing else."""
