@@ -180,7 +180,7 @@ class ClosedLoop:
 
     def scan(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
         """Memory after one scan that sees a plant, once some time has passed."""
-        return self.machine.scan(memory, self._views.image(plant), elapsed_ns)
+        return self.machine.scan(memory, self._views.image(self._views.of(plant)), elapsed_ns)
 
     def facts(self, plant: Hashable) -> tuple[Value, ...]:
         """The values of the plant's facts, in their order."""
@@ -189,7 +189,7 @@ class ClosedLoop:
     def raw_inputs(self, plant: Hashable) -> dict[str, int]:
         """The raw values of the inputs that a plant's state gives, by port name."""
         return {p.name: int.from_bytes(raw, "little")
-                for p, raw in zip(self.inputs, self._views.raw(plant), strict=True)}
+                for p, raw in zip(self.inputs, self._views.raw(self._views.of(plant)), strict=True)}
 
 
 __all__ = ["IDLE", "ClosedLoop", "DoesNotSettle", "FinitePlant", "Merge", "State", "Trail"]

@@ -81,7 +81,7 @@ class Settling:
         view, before = views.of(plant), machine.reduced(memory)
         try:
             for _ in range(SETTLES_WITHIN):
-                memory = machine.scan(memory, views.image(view.state), elapsed_ns)
+                memory = machine.scan(memory, views.image(view), elapsed_ns)
                 scans.append((memory, view.state))
                 after = machine.reduced(memory)
                 _, following = self.outcome(after, view)

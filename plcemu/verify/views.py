@@ -86,6 +86,7 @@ class Views:
         self._fact_values = _getter([f.name for f in plant.facts])
         self._views: dict[Hashable, View] = {}
         self._packed: dict[tuple[Any, ...], bytes] = {}
+        self._images: dict[bytes, Image] = {}
         self._told: dict[bytes, tuple[bytes, dict[str, Any], bytes]] = {}
         self._holding: dict[tuple[Value, ...], dict[bytes, int]] = {}
         self.ever = 0
@@ -98,7 +99,8 @@ class Views:
             readings = self._readings(self._plant.sense(plant))
             packed = self._packed.get(readings)
             if packed is None:
-                packed = self._packed[readings] = self.batch.image(self._raw(readings))
+                packed = self._packed[readings] = self.batch.image(
+                    [table[value] for table, value in zip(self._tables, readings, strict=True)])
             facts = self._fact_values(self._plant.observe(plant))
             holding = self._holding.get(facts)
             if holding is None:
@@ -106,17 +108,20 @@ class Views:
             found = self._views[plant] = View(plant, packed, facts, holding)
         return found
 
-    def raw(self, plant: Hashable) -> list[bytes]:
+    def image(self, view: View) -> Image:
+        """Return what a plant's sensors read as a single scan takes it."""
+        image = self._images.get(view.packed)
+        if image is None:
+            image = self._images[view.packed] = self._machine.image(self.raw(view))
+        return image
+
+    def raw(self, view: View) -> list[bytes]:
         """Return what a plant's sensors read: the raw bytes of each input."""
-        raw = self._raw(self._readings(self._plant.sense(plant)))
-        return [data for _, data in sorted(zip(self._machine.order, raw, strict=True))]
-
-    def image(self, plant: Hashable) -> Image:
-        """Return the same as a single scan takes it."""
-        return self._machine.image(self.raw(plant))
-
-    def _raw(self, readings: tuple[Any, ...]) -> list[bytes]:
-        return [table[value] for table, value in zip(self._tables, readings, strict=True)]
+        raw, at = [b""] * len(self._machine.order), 0
+        for number, table in zip(self._machine.order, self._tables, strict=True):
+            raw[number] = view.packed[at:at + table.point.width]
+            at += table.point.width
+        return raw
 
     def outcome(self, view: View, told: bytes) -> Outcome:
         """Return what a scan means that saw a plant's state.
@@ -158,10 +163,10 @@ class _Raw(dict[Any, bytes]):
 
     def __init__(self, point: Point) -> None:
         super().__init__()
-        self._point = point
+        self.point = point
 
     def __missing__(self, value: Any) -> bytes:
-        point = self._point
+        point = self.point
         raw = self[value] = point.to_raw(value).to_bytes(point.width, "little")
         return raw
 
