@@ -71,6 +71,7 @@ class _Moment(NamedTuple):
     values: dict[str, PortValue]
     changes: dict[str, int]
     change_ns: int
+    facts: dict[str, FactValue] | None
 
 
 class SensorReading(Protocol):
@@ -90,7 +91,7 @@ class SensorReading(Protocol):
 class HybridPlant(ABC):
     """Base of all hybrid plants; implements the plant contract.
 
-    A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `observe` and
+    A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `_observe` and
     `report`. In `_settle` it uses `self.actuators`, `self.memory`, `_value`, `_set`, `_slope` and
     `note`; it must leave every guard of the new mode negative.
     """
@@ -121,6 +122,7 @@ class HybridPlant(ABC):
         }
         self._watched = tuple(self._resolutions)
         self._event_ns = self._change_ns = -1
+        self._facts: dict[str, FactValue] | None = None
         self._entry: Any = None
         self._ahead: tuple[_Moment, list[tuple[int, str]]] | None = None
         """Where a look ahead has found the plant right after the end of the present mode."""
@@ -149,8 +151,8 @@ class HybridPlant(ABC):
         return ()
 
     @abstractmethod
-    def observe(self) -> dict[str, FactValue]:
-        """Present values of all facts."""
+    def _observe(self) -> dict[str, FactValue]:
+        """Values of all facts, which only settling changes."""
 
     @abstractmethod
     def report(self) -> dict[str, Any]:
@@ -248,6 +250,12 @@ class HybridPlant(ABC):
         self._read()
         return dict(self._counts)
 
+    def observe(self) -> dict[str, FactValue]:
+        """Present values of all facts, to be read only."""
+        if self._facts is None:
+            self._facts = self._observe()
+        return self._facts
+
     def watch(self, names: Iterable[str] | None = None) -> None:
         """Let only these sensors cause events and appear in `sense`; None means all."""
         chosen = tuple(self._resolutions) if names is None else tuple(dict.fromkeys(names))
@@ -259,7 +267,8 @@ class HybridPlant(ABC):
 
     def next_event_ns(self) -> int | None:
         """Earliest instant after now at which a watched reading or a fact changes."""
-        self._read()
+        if self._moved or self._t_ns >= self._change_ns:
+            self._read()
         if self._event_ns <= self._t_ns:
             self._event_ns = self._look_for_event()
         return self._event_ns if self._event_ns < NEVER_NS else None
@@ -304,7 +313,7 @@ class HybridPlant(ABC):
 
     def _enter_mode(self, fired: frozenset[str]) -> None:
         self._event_ns = -1
-        self._ahead = None
+        self._ahead = self._facts = None
         self._settle(fired)
         self._arm()
 
@@ -336,7 +345,7 @@ class HybridPlant(ABC):
     # Readings
 
     def _forget_readings(self) -> None:
-        self._ahead = None
+        self._ahead = self._facts = None
         self._counts = dict.fromkeys(self._watched, 0)
         self._values: dict[str, PortValue] = dict.fromkeys(self._watched, 0.0)
         self._changes = dict.fromkeys(self._watched, -1)
@@ -347,15 +356,17 @@ class HybridPlant(ABC):
         """Bring the counts of the watched sensors up to the present instant."""
         if self._t_ns < self._change_ns and not self._moved:
             return
-        t_ns, lines, moved = self._t_ns, self._lines, self._moved
-        for name, change_ns in self._changes.items():
-            if change_ns <= t_ns or (moved and not moved.isdisjoint(self._sources[name])):
-                count, self._changes[name] = self._readings[name].read(lines, t_ns)
-                self._counts[name] = count
-                top, bottom = self._resolutions[name]
-                self._values[name] = bool(count) if not bottom else count * top / bottom
-        moved.clear()
-        self._change_ns = min(self._changes.values(), default=NEVER_NS)
+        t_ns, lines, moved, changes = self._t_ns, self._lines, self._moved, self._changes
+        due = [name for name, change_ns in changes.items() if change_ns <= t_ns]
+        if moved:
+            due += [name for name in changes if not moved.isdisjoint(self._sources[name])]
+            moved.clear()
+        for name in due:
+            count, changes[name] = self._readings[name].read(lines, t_ns)
+            self._counts[name] = count
+            top, bottom = self._resolutions[name]
+            self._values[name] = bool(count) if not bottom else count * top / bottom
+        self._change_ns = min(changes.values(), default=NEVER_NS)
 
     def _look_for_event(self) -> int:
         """The next visible change, looking through mode ends that show nothing."""
@@ -393,6 +404,7 @@ class HybridPlant(ABC):
             dict(self._values),
             dict(self._changes),
             self._change_ns,
+            self._facts,
         )
 
     def _put_back(self, moment: _Moment) -> None:
@@ -403,5 +415,6 @@ class HybridPlant(ABC):
         self._counts, self._values = moment.counts, moment.values
         self._changes = moment.changes
         self._change_ns = moment.change_ns
+        self._facts = moment.facts
         self._moved.clear()
 

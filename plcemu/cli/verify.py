@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,8 @@ from plcemu.base.collector import paused_collector
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
-from plcemu.runtime.config import load_config
+from plcemu.runtime.config import Config, load_config
+from plcemu.runtime.counterexamples import save_counterexample
 from plcemu.runtime.verification import fires_once, limits_of, make_prover
 from plcemu.verify.explore import Progress
 from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Prover, Result
@@ -40,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="prove only this property; may be given several times")
     parser.add_argument("--save", metavar="FOLDER", type=Path,
                         help="write each counterexample as a scenario, NAME.yaml, for "
-                        "simulate --no-plant --scenario")
+                        "simulate --no-plant --scenario, and its property, NAME.prop")
 
 
 @paused_collector()
@@ -51,8 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config, arguments.overrides)
     prover = make_prover(config, arguments.names)
     result = _with_progress(lambda told: prover.prove(limits_of(config), told))
-    once = " --set sipn_single_firing=true" if fires_once(config) else ""
-    saved = _save(arguments.save, result, prover, once) if arguments.save else []
+    saved = _save(arguments, config, result, prover) if arguments.save else []
     if arguments.json:
         print_json(document_of(config.name, result))
     else:
@@ -71,19 +72,22 @@ def _fails(proof: Proof, names: list[str] | None) -> bool:
     return verdict == VIOLATED
 
 
-def _save(folder: Path, result: Result, prover: Prover, options: str) -> list[str]:
+def _save(arguments: argparse.Namespace, config: Config, result: Result,
+          prover: Prover) -> list[str]:
     """Write the counterexamples as scenarios; return how each is played."""
+    given = "".join(f" --set {shlex.quote(override)}" for override in arguments.overrides)
+    if fires_once(config):
+        given += " --set sipn_single_firing=true"
     told = []
     for proof in result.proofs:
-        path = proof.path
-        if path is None or proof.finding.verdict != VIOLATED:
+        saved = save_counterexample(arguments.save, proof, prover)
+        if saved is None:
             continue
-        file = folder / f"{proof.name}.yaml"
-        text = f"Counterexample to {proof.name}: {proof.formula}, from {path.start}"
-        file.write_text(path.scenario(text, prover.loop.inputs), encoding="utf-8")
-        until = format_duration(path.ends_at_ns + path.cycle_ns)
-        told.append(f"written: {file}; plays with: plcemu simulate CONFIG --no-plant --scenario "
-                    f"{file} --until {until}{options}")
+        judged = f" --set properties={shlex.quote(str(saved.properties))}" \
+            if saved.properties else ""
+        told.append(f"written: {saved.scenario}; plays with: plcemu simulate "
+                    f"{shlex.quote(arguments.config or '.')}{given}{judged} --no-plant --scenario "
+                    f"{shlex.quote(str(saved.scenario))} --until {format_duration(saved.until_ns)}")
     return told
 
 

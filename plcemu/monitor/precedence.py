@@ -35,36 +35,64 @@ class Precedence:
 
     def __init__(self, premise: State | None, goal: State, bound_ns: int) -> None:
         self.premise, self.goal, self.bound_ns = premise, goal, bound_ns
-        self.pulsed = goal.pulsed or (premise is not None and premise.pulsed)
         self.triggers = 0
         self.trigger_ns: int | None = None
         self.deadline_ns: int | None = None
         # Up to `_t_ns` everything is accounted for; after it p and q keep these values.
         self._t_ns: int | None = None
-        self._p = self._q = NO
+        self._q = NO
+        self._p = NO if premise is not None else YES
         self._held_ns: int | None = None
         self._perhaps_ns: int | None = None
         self._unsure = self._was = False
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
         """Take the values from an instant on; before it lie the values `before`."""
-        t_ns = frame.t_ns
+        t_ns, premise, goal = frame.t_ns, self.premise, self.goal
+        if sure and self._held_ns == self._perhaps_ns and UNSURE not in (self._p, self._q):
+            return self._quick(t_ns, now, before)
         if self._t_ns is not None:
             self._pass(t_ns - 1)
-        self._read(now, before, sure)
+        if premise is not None:
+            self._p = _value(premise, now, before)
+        self._q = _value(goal, now, before)
         self._pass(t_ns)
         if self._is_broken(t_ns):
             self.trigger_ns = t_ns
             return NO
-        if self.pulsed:
-            # A pulse is over in the next ns.
-            self._read(now, now, sure)
+        # A pulse is over in the next ns.
+        if premise is not None and premise.pulsed:
+            self._p = _value(premise, now, now)
+        if goal.pulsed:
+            self._q = _value(goal, now, now)
         self._foresee()
         return None
 
-    def _read(self, now: Values, before: Values, sure: bool) -> None:
-        self._p = YES if self.premise is None else _value(self.premise, now, before, sure)
-        self._q = _value(self.goal, now, before, sure)
+    def _quick(self, t_ns: int, now: Values, before: Values) -> int | None:
+        """Take p and q where both are known and nothing has been in doubt since q held last."""
+        premise, goal = self.premise, self.goal
+        if self._t_ns is not None and self._t_ns < t_ns - 1:
+            self._was = (self._q if premise is None else self._p) == YES
+            if self._q == YES:
+                self._held_ns = t_ns - 1
+        p = premise is None or premise.holds(now, before)
+        q = goal.holds(now, before)
+        holds = bool(q if premise is None else p)
+        self.triggers += holds and not self._was
+        self._was, self._t_ns = holds, t_ns
+        if q:
+            self._held_ns = t_ns
+        held_ns = self._perhaps_ns = self._held_ns
+        if p and not self._covers(held_ns, t_ns):
+            self.trigger_ns = t_ns
+            return NO
+        if premise is not None and premise.pulsed:
+            p = premise.holds(now, now)
+        if goal.pulsed:
+            q = goal.holds(now, now)
+        self._p, self._q = YES if p else NO, YES if q else NO
+        self.deadline_ns = self._end_ns(t_ns, held_ns) if p and not q else None
+        return None
 
     def _pass(self, t_ns: int) -> None:
         """Take it that p and q kept their values up to and with an instant."""
@@ -78,7 +106,7 @@ class Precedence:
         holds = (self._q if self.premise is None else self._p) == YES
         self.triggers += holds and not self._was
         self._was = holds
-        if self._p != NO and not self._covers(self._held_ns, t_ns):
+        if self._p != NO and self._q != YES and not self._covers(self._held_ns, t_ns):
             self._unsure = self._unsure or not self._is_broken(t_ns)
 
     def _covers(self, held_ns: int | None, t_ns: int) -> bool:
@@ -126,8 +154,6 @@ class Precedence:
         return ()
 
 
-def _value(state: State, now: Values, before: Values, sure: bool) -> int:
-    if sure:
-        return YES if state.holds(now, before) else NO
+def _value(state: State, now: Values, before: Values) -> int:
     found = state.kleene(now, before)
     return UNSURE if found is None else YES if found else NO

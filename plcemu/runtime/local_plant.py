@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from itertools import compress
+from operator import ne
 from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
-from hil.coupling import Coupling
-from plant_sim.contract import PortValue
+from hil.coupling import Coupling, picker
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.io.exchange import Exchange
@@ -24,7 +25,7 @@ class Checkpoint(NamedTuple):
 
     coupling: CouplingCheckpoint
     stepped_aside: bool
-    written: tuple[int | None, ...]
+    written: tuple[int, ...]
     values: tuple[Value, ...]
     event_ns: int | None
     pending: tuple[tuple[str, int, bytes, bytes | None], ...]
@@ -48,9 +49,9 @@ class LocalPlant:
         self.stepped_aside = False
         self._exchange = exchange
         self._port = exchange.port(self.PORT)
-        self._written: list[int | None] = [None] * len(coupling.inputs)
-        self._spans = _spans(coupling.outputs)
-        self._shown: list[bytes] | None = None
+        self._written: list[int] = []
+        self._only_self = {self.PORT}
+        self._version = -1
         plant = coupling.plant
         wired = {p.name for p in coupling.inputs}
         sensors = [p for p in plant.ports if p.direction == "sensor" and p.name in wired]
@@ -58,13 +59,15 @@ class LocalPlant:
                      for p in sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
-        self._sensor_names = [p.name for p in sensors]
-        self._fact_names = [f.name for f in plant.facts]
-        self._values: list[Value] = []
-        self._read()
+        numbers = {p.name: n for n, p in enumerate(coupling.inputs)}
+        self._inputs = [numbers[p.name] for p in sensors]
+        """The number of the input that each sensor's reading goes to."""
+        self._pick_sensors = picker([p.name for p in sensors])
+        self._pick_facts = picker([f.name for f in plant.facts])
+        self._values = self._read()
         self._event_ns = coupling.next_event_ns()
 
-    def values(self) -> list[Value]:
+    def values(self) -> tuple[Value, ...]:
         """Return the values of the tags, in their order."""
         return self._values
 
@@ -78,26 +81,29 @@ class LocalPlant:
         if self.stepped_aside:
             return
         self.coupling.advance(t_ns)
-        if self._event_ns is not None and t_ns >= self._event_ns:
+        event_ns = self._event_ns
+        if event_ns is not None and t_ns >= event_ns:
             self._refresh()
-        elif self._written[:1] == [None]:
-            self._write(self.coupling.sense())
+        if not self._written:
+            self._written = self.coupling.give_inputs()
+            for n, raw in enumerate(self._written):
+                self._port.write(*self.coupling.inputs[n].image_write(raw))
 
     def after_scan(self) -> None:
         """Let the plant follow the published outputs; note a take-over by a client."""
         if self.stepped_aside:
             return
-        if self._exchange.writers and self._is_taken_over():
+        exchange = self._exchange
+        if exchange.writers and exchange.writers != self._only_self and self._is_taken_over():
             return
-        published = self._exchange.published
-        shown = [published(*span) for span in self._spans]
-        if shown != self._shown:
-            self._shown = shown
+        version = exchange.version
+        if version != self._version:
+            self._version = version
             if self.coupling.take_outputs(self._published(self.coupling.outputs)):
                 self._refresh()
 
     def _is_taken_over(self) -> bool:
-        others = self._exchange.writers - {self.PORT}
+        others = self._exchange.writers - self._only_self
         if others and self._published(self.coupling.inputs) != self._written:
             self.stepped_aside = True
             self._event_ns = None
@@ -108,14 +114,14 @@ class LocalPlant:
     def checkpoint(self) -> Checkpoint:
         """Return the whole state, the writes that wait for the next scan with it."""
         return Checkpoint(self.coupling.checkpoint(), self.stepped_aside, tuple(self._written),
-                          tuple(self._values), self._event_ns, self._port.pending)
+                          self._values, self._event_ns, self._port.pending)
 
     def return_to(self, point: Checkpoint) -> None:
         """Take up the state of a checkpoint, after the exchange has returned to its own."""
         self.coupling.return_to(point.coupling)
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
-        self._written, self._values = list(point.written), list(point.values)
-        self._shown = None
+        self._written, self._values = list(point.written), point.values
+        self._version = -1
         for write in point.pending:
             self._port.write(*write)
 
@@ -127,32 +133,21 @@ class LocalPlant:
         return self._event_ns
 
     def _refresh(self) -> None:
-        self._write(self._read())
+        """Read the plant anew; queue the inputs whose raw values changed."""
+        before, values = self._values, self._read()
+        if values != before:
+            self._values = values
+            for sensor in compress(range(len(self._inputs)), map(ne, values, before)):
+                self._give(self._inputs[sensor], values[sensor])
         self._event_ns = self.coupling.next_event_ns()
 
-    def _write(self, sensed: Mapping[str, PortValue]) -> None:
-        raw = self.coupling.give_inputs(sensed)
-        if raw == self._written:
-            return
-        for n, (point, now) in enumerate(zip(self.coupling.inputs, raw, strict=True)):
-            if now != self._written[n]:
-                self._written[n] = now
-                self._port.write(*point.image_write(now))
+    def _give(self, n: int, reading: Value) -> None:
+        raw = self.coupling.to_raw(n, reading)
+        if self._written and raw != self._written[n]:
+            self._written[n] = raw
+            self._port.write(*self.coupling.inputs[n].image_write(raw))
 
-    def _read(self) -> Mapping[str, PortValue]:
-        """Bring the tags' values up to date; return the readings among them."""
-        sensed, facts = self.coupling.sense(), self.coupling.plant.observe()
-        values: list[Value] = [*map(sensed.__getitem__, self._sensor_names),
-                               *map(facts.__getitem__, self._fact_names)]
-        if values != self._values:
-            self._values = values
-        return sensed
-
-
-def _spans(points: Sequence[Point]) -> list[tuple[str, int, int]]:
-    """Return the stretches of the areas, (area, offset, bytes), in which points stand."""
-    spans: dict[str, tuple[int, int]] = {}
-    for area, offset, n in (point.image_place() for point in points):
-        low, high = spans.get(area, (offset, offset + n))
-        spans[area] = min(low, offset), max(high, offset + n)
-    return [(area, low, high - low) for area, (low, high) in spans.items()]
+    def _read(self) -> tuple[Value, ...]:
+        """Return the present values of the tags."""
+        return self._pick_sensors(self.coupling.sense()) + \
+            self._pick_facts(self.coupling.plant.observe())

@@ -81,7 +81,8 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
                               single_firing=fires_once(config))
     plant, inputs, outputs = _plant(config, program)
     return Prover(make_resource(config, program), plant, inputs, outputs,
-                  config.cycle, properties, section.merge, _frozen(config), together)
+                  config.cycle, properties, section.merge, _frozen(config), section.fairness,
+                  together)
 
 
 def _plant(config: Config, program: Program
