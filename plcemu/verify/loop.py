@@ -84,7 +84,7 @@ class ClosedLoop:
                               "a timed model")
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.watch, self.merge, self.cycle_ns = watch, merge, cycle_ns
+        self.merge, self.cycle_ns = merge, cycle_ns
         self._frozen, self.fairness = frozen, fairness
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         looked_at = range(len(machine.initial)) if watched is None else sorted(watched)
@@ -94,6 +94,10 @@ class ClosedLoop:
         self._starts: dict[Hashable, State] = {}
         self.origins: dict[State, Hashable] = {}
         """For each initial state found, a plant's initial state that leads to it."""
+
+    def watch(self, memory: bytes, facts: tuple[Value, ...]) -> int:
+        """Which watched formulas hold with this memory and these facts, as bits."""
+        return self._views.holding(memory, facts)
 
     @property
     def ever(self) -> int:

@@ -5,6 +5,7 @@ A plant is asked once what its sensors read in a state, and once what follows ce
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, Protocol
@@ -88,7 +89,7 @@ class Views:
         self._packed: dict[tuple[Any, ...], bytes] = {}
         self._images: dict[bytes, Image] = {}
         self._told: dict[bytes, tuple[bytes, dict[str, Any], bytes]] = {}
-        self._holding: dict[tuple[Value, ...], dict[bytes, int]] = {}
+        self._holding: dict[tuple[Value, ...], dict[bytes, int]] = defaultdict(dict)
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
 
@@ -102,9 +103,7 @@ class Views:
                 packed = self._packed[readings] = self.batch.image(
                     [table[value] for table, value in zip(self._tables, readings, strict=True)])
             facts = self._fact_values(self._plant.observe(plant))
-            holding = self._holding.get(facts)
-            if holding is None:
-                holding = self._holding[facts] = {}
+            holding = self._holding[facts]
             found = self._views[plant] = View(plant, packed, facts, holding)
         return found
 
@@ -138,10 +137,16 @@ class Views:
             told, values, watched = parts
             holding = view.holding.get(watched)
             if holding is None:
-                holding = view.holding[watched] = self._judge(watched, view.facts)
+                holding = self._judge(watched, view.facts)
             state = self._plant.actuate(view.state, values)
             found = view.outcomes[told] = holding, view if state is view.state else self.of(state)
         return found
+
+    def holding(self, memory: bytes, facts: tuple[Value, ...]) -> int:
+        """Return which watched formulas hold with this memory and these facts."""
+        watched = bytes([memory[n] for n in self._watched])
+        found = self._holding[facts].get(watched)
+        return self._judge(watched, facts) if found is None else found
 
     def _values(self, told: bytes) -> dict[str, Any]:
         """Return the actuators' values; one whose output the program does not use stays off."""
@@ -153,7 +158,7 @@ class Views:
         memory = bytearray(self._machine.initial)
         for offset, byte in zip(self._watched, watched, strict=True):
             memory[offset] = byte
-        holding = self._watch(bytes(memory), facts)
+        holding = self._holding[facts][watched] = self._watch(bytes(memory), facts)
         self.ever |= holding
         return holding
 
