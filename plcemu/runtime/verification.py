@@ -18,6 +18,7 @@ from plcemu.runtime.system import make_coupling, make_resource
 from plcemu.verify.check import is_plain
 from plcemu.verify.explore import Limits
 from plcemu.verify.machine import place_of
+from plcemu.verify.promela_plant import RecordedPlant
 from plcemu.verify.prove import Prover
 
 FREE_INPUTS = "free_inputs"
@@ -103,8 +104,13 @@ def load_demands(config: Config, names: list[str] | None = None) -> list[Propert
     return [known[name.casefold()] for name in names]
 
 
-def make_prover(config: Config, names: list[str] | None = None) -> Prover:
+def make_prover(config: Config, names: list[str] | None = None, recorded: bool = False) -> Prover:
     """Return the prover of a configuration.
+
+    Args:
+        config: the configuration.
+        names: of the properties to be proved; all if there are none.
+        recorded: whether the plant writes down what it is asked, for an export to SPIN.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -122,6 +128,8 @@ def make_prover(config: Config, names: list[str] | None = None) -> Prover:
         inputs = tuple(p for p in inputs if _uses(program, p))
     else:
         plant = make_abstraction(config)
+    if recorded:
+        plant = RecordedPlant(plant)
     return Prover(make_resource(config, program), plant, inputs, wiring.outputs,
                   config.cycle, properties, section.merge, _frozen(config))
 
