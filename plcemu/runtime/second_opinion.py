@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from plcemu.base.errors import PlcemuError
-from plcemu.verify.check import HOLDS, INCONCLUSIVE, VIOLATED
+from plcemu.verify.check import HOLDS, INCONCLUSIVE
 from plcemu.verify.explore import Limits
 from plcemu.verify.promela import PromelaModel
 from plcemu.verify.prove import NO_FAULT, Prover, Result
@@ -113,7 +113,18 @@ def ask_spin(prover: Prover, result: Result, title: str,
             name = "" if start is None else prover.loop.plant.name_of(initial[start])
             rows += [Row(a.question.name, name, _ours(result, a.question.name, name), a)
                      for a in spin.judge(prover, start)]
-        return Opinion(version, rows, spin.costs)
+        return Opinion(version, _joined(rows), spin.costs)
+
+
+def _joined(rows: list[Row]) -> list[Row]:
+    """Join the rows of what is wanted from some initial state only: found from one, it holds."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        if row.answer.question.holds_if_found and row.asked:
+            before = found.setdefault(row.name, Row(row.name, "", row.ours, row.answer))
+            if before.answer.verdict != HOLDS and row.answer.verdict in (HOLDS, INCONCLUSIVE):
+                before.answer = row.answer
+    return [row for row in rows if row.name not in found] + list(found.values())
 
 
 def spin_version() -> str:
@@ -129,7 +140,8 @@ def _ours(result: Result, name: str, initial: str) -> str:
     proof = next((p for p in result.proofs if p.name == name), None)
     if proof is None:
         return HOLDS if name == NO_FAULT else INCONCLUSIVE
-    if initial and proof.initial:
+    if proof.finding.verdict == HOLDS or not initial:
+        return proof.finding.verdict
+    if proof.initial:
         return proof.initial[initial]
-    # A verdict about all initial states together says nothing of one, unless it holds.
-    return INCONCLUSIVE if initial and proof.finding.verdict == VIOLATED else proof.finding.verdict
+    return INCONCLUSIVE  # what is violated from some initial state says nothing of this one

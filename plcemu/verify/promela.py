@@ -269,7 +269,7 @@ class PromelaModel:
         yield "       do"
         yield f"       :: {self._more()} -> choice++"
         yield "       :: break"
-        yield "       od;"
+        yield "       od; skip;"
         yield "       d_step {"
         for line in self._step():
             yield "         " + line

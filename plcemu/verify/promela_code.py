@@ -92,7 +92,7 @@ class Cells:
         cell = self._at.get(offset)
         if cell is not None and cell.machine == machine:
             return cell
-        name = self._names.get(offset, f"byte {offset} of memory")
+        name = self.name(offset)
         if machine in WIDE:
             raise NoPromela(f"{name} is of type {machine}")
         places = range(offset, offset + SIZES[machine])
@@ -103,6 +103,10 @@ class Cells:
         self._at[offset] = cell
         self._owner.update(dict.fromkeys(places, cell))
         return cell
+
+    def name(self, offset: int) -> str:
+        """Return what stands at an offset, in the user's words."""
+        return self._names.get(offset, f"byte {offset} of memory")
 
     def _name(self, offset: int) -> str:
         """Return the tag's whole name as an identifier; it cannot be a word of Promela or C."""
@@ -375,7 +379,7 @@ class ScanWriter(Host):
 
     def _read(self, machine: str, offset: int) -> Term:
         if machine in WIDE or not self.cells.matters(offset):
-            return unsaid(machine, f"a value of type {machine}")
+            return unsaid(machine, f"{self.cells.name(offset)} of type {machine}")
         return Term(self._cell(offset, machine).name, machine)
 
     def _cell(self, offset: int, machine: str) -> Cell:

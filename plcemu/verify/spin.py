@@ -198,7 +198,7 @@ class Spin:
         """Read the trail back: what was moved, and what was found in the end."""
         claimed = list(options[options.index("-N"):options.index("-N") + 2]) \
             if "-N" in options else []
-        output = self._run("pan -r", ["./pan", "-r", options[0], *claimed], environment,
+        output = self._run("pan -r", ["./pan", "-r", *options[:2], *claimed], environment,
                            may_fail=True)
         steps: list[list[Move]] = [[]]
         for line in output.splitlines():
@@ -231,7 +231,9 @@ class Spin:
         open_ = [n for n, q in enumerate(questions) if not q.why_not and q.kind != "again"]
         answers: dict[int, Answer] = {n: Answer(q, INCONCLUSIVE, q.why_not)
                                       for n, q in enumerate(questions) if q.why_not}
-        for claim in self._again or [None]:  # type: ignore[list-item]
+        for claim in (*self._again, None):
+            if claim is None and answers.keys() >= set(open_):
+                break
             while True:
                 found = self.search(open_, claim, start)
                 if found.question is None:
@@ -242,8 +244,6 @@ class Spin:
                 if number == claim:
                     break
                 open_.remove(number)
-        if open_ and not set(open_) <= answers.keys():
-            self._close(answers, open_, None, self.search(open_, None, start).reason)
         return [answers[n] for n in sorted(answers)]
 
     def _close(self, answers: dict[int, Answer], open_: list[int], claim: int | None,
