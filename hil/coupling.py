@@ -8,8 +8,10 @@ the same raw values (docs/timing.md).
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import compress
+from operator import itemgetter, ne
 from typing import Any, NamedTuple
 
 from plant_sim.contract import Plant, PortValue
@@ -43,6 +45,13 @@ def points(wiring: Mapping[str, tuple[str, Fraction]], known: Iterable[str]) -> 
         taken[str(point.address)] = name
         made.append(point)
     return made
+
+
+def picker(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
+    """Return what takes the values of these names from a mapping, in their order."""
+    if len(names) > 1:
+        return itemgetter(*names)
+    return lambda mapping: tuple([mapping[name] for name in names])
 
 
 _KNOWN_LIMIT = 4096
@@ -88,7 +97,8 @@ class Coupling:
         self.plant = plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self._per = time_scale.as_integer_ratio()
-        self._seen: list[PortValue | None] = [None] * len(self.inputs)
+        self._seen: tuple[PortValue | None, ...] = (None,) * len(self.inputs)
+        self._pick = picker([point.name for point in self.inputs])
         self._raw = [0] * len(self.inputs)
         self._known: list[dict[PortValue, int]] = [{} for _ in self.inputs]
         self._origin_ns = plant.t_ns
@@ -175,12 +185,10 @@ class Coupling:
         Args:
             sensed: what `sense` returned just now, where it is known.
         """
-        sensed = self.sense() if sensed is None else sensed
-        for n, point in enumerate(self.inputs):
-            value = sensed[point.name]
-            if value != self._seen[n]:
-                self._seen[n] = value
-                self._raw[n] = self._converted(n, point, value)
+        values = self._pick(self.sense() if sensed is None else sensed)
+        for n in compress(range(len(values)), map(ne, values, self._seen)):
+            self._raw[n] = self._converted(n, self.inputs[n], values[n])
+        self._seen = values
         return list(self._raw)
 
     def _converted(self, n: int, point: Point, value: PortValue) -> int:

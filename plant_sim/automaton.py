@@ -184,7 +184,7 @@ class HybridAutomaton(HybridPlant):
     def mode(self, x: dict[str, Any], on: Mapping[str, Any]) -> Mode:
         """The mode that the plant is in, given its state and its actuators and disturbances."""
 
-    def observe(self) -> dict[str, FactValue]:
+    def _observe(self) -> dict[str, FactValue]:
         """Present values of all facts: the quantities of their names, which only events change."""
         return {fact.name: self._lines[fact.name].value for fact in self.facts}
 

@@ -41,12 +41,14 @@ class FreeInputs:
 
     Args:
         values: for each sensor the values that it may read; at least one.
+        told: the sensors whose readings are facts; None for all.
 
     Raises:
         ValueError: a sensor has no values, or all together have too many.
     """
 
-    def __init__(self, values: Mapping[str, Sequence[PortValue]]) -> None:
+    def __init__(self, values: Mapping[str, Sequence[PortValue]],
+                 told: Collection[str] | None = None) -> None:
         empty = [name for name, each in values.items() if not each]
         if empty:
             raise ValueError(f"{', '.join(empty)}: no value that it may read")
@@ -55,6 +57,7 @@ class FreeInputs:
             raise ValueError(f"the sensors can read {many:,} combinations of values, and more than "
                              f"{MOST_READINGS:,} are too many; give some of them a single value")
         self._names = tuple(values)
+        self._told = set(self._names if told is None else told)
         # The first sensor changes fastest, so that shortest counterexamples have few readings on.
         self._all = [Readings(tuple(reversed(row)))
                      for row in product(*reversed([tuple(v) for v in values.values()]))]
@@ -64,7 +67,8 @@ class FreeInputs:
         """What the sensors read, also those that the program does not ask."""
         kinds = {bool: "bool", int: "int"}
         return tuple(Fact(name, kinds.get(type(value), "real"), "", f"what {name} reads")  # type: ignore[arg-type]
-                     for name, value in zip(self._names, self._all[0].values, strict=True))
+                     for name, value in zip(self._names, self._all[0].values, strict=True)
+                     if name in self._told)
 
     def initial(self) -> Iterator[Readings]:
         """Every sensor at its first value."""
@@ -94,8 +98,8 @@ class FreeInputs:
         return Readings(tuple({**self.sense(state), **dict(action.changes)}.values()))
 
     def observe(self, state: Readings) -> Mapping[str, FactValue]:
-        """What the sensors read."""
-        return self.sense(state)
+        """What the sensors read whose readings are facts."""
+        return {name: value for name, value in self.sense(state).items() if name in self._told}
 
     def pending(self, state: Readings) -> Collection[str]:
         """Nothing: a reading may stay as it is for ever."""

@@ -71,6 +71,7 @@ class _Moment(NamedTuple):
     values: dict[str, PortValue]
     changes: dict[str, int]
     change_ns: int
+    facts: dict[str, FactValue] | None
 
 
 class SensorReading(Protocol):
@@ -90,7 +91,7 @@ class SensorReading(Protocol):
 class HybridPlant(ABC):
     """Base of all hybrid plants; implements the plant contract.
 
-    A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `observe` and
+    A plant supplies `_begin` (initial quantities), `_settle`, `_guards`, `_timers`, `_observe` and
     `report`. In `_settle` it uses `self.actuators`, `self.memory`, `_value`, `_set`, `_slope` and
     `note`; it must leave every guard of the new mode negative.
     """
@@ -121,6 +122,7 @@ class HybridPlant(ABC):
         }
         self._watched = tuple(self._resolutions)
         self._event_ns = self._change_ns = -1
+        self._facts: dict[str, FactValue] | None = None
         self._entry: Any = None
         self._ahead: tuple[_Moment, list[tuple[int, str]]] | None = None
         """Where a look ahead has found the plant right after the end of the present mode."""
@@ -149,8 +151,8 @@ class HybridPlant(ABC):
         return ()
 
     @abstractmethod
-    def observe(self) -> dict[str, FactValue]:
-        """Present values of all facts."""
+    def _observe(self) -> dict[str, FactValue]:
+        """Values of all facts, which only settling changes."""
 
     @abstractmethod
     def report(self) -> dict[str, Any]:
@@ -248,6 +250,12 @@ class HybridPlant(ABC):
         self._read()
         return dict(self._counts)
 
+    def observe(self) -> dict[str, FactValue]:
+        """Present values of all facts, to be read only."""
+        if self._facts is None:
+            self._facts = self._observe()
+        return self._facts
+
     def watch(self, names: Iterable[str] | None = None) -> None:
         """Let only these sensors cause events and appear in `sense`; None means all."""
         chosen = tuple(self._resolutions) if names is None else tuple(dict.fromkeys(names))
@@ -304,7 +312,7 @@ class HybridPlant(ABC):
 
     def _enter_mode(self, fired: frozenset[str]) -> None:
         self._event_ns = -1
-        self._ahead = None
+        self._ahead = self._facts = None
         self._settle(fired)
         self._arm()
 
@@ -336,7 +344,7 @@ class HybridPlant(ABC):
     # Readings
 
     def _forget_readings(self) -> None:
-        self._ahead = None
+        self._ahead = self._facts = None
         self._counts = dict.fromkeys(self._watched, 0)
         self._values: dict[str, PortValue] = dict.fromkeys(self._watched, 0.0)
         self._changes = dict.fromkeys(self._watched, -1)
@@ -393,6 +401,7 @@ class HybridPlant(ABC):
             dict(self._values),
             dict(self._changes),
             self._change_ns,
+            self._facts,
         )
 
     def _put_back(self, moment: _Moment) -> None:
@@ -403,5 +412,6 @@ class HybridPlant(ABC):
         self._counts, self._values = moment.counts, moment.values
         self._changes = moment.changes
         self._change_ns = moment.change_ns
+        self._facts = moment.facts
         self._moved.clear()
 

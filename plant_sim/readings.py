@@ -43,6 +43,8 @@ class Reading:
 
         True as long as the lines stay.
         """
+        if len(self.top.terms) == 1 and not self.bottom.terms:
+            return self._read_level(lines, t_ns)
         top, bottom = self.top.seen(lines, t_ns), self.bottom.seen(lines, t_ns)
         if bottom.value <= 0:
             return self.undefined, self._change_when_defined(lines, t_ns, bottom)
@@ -53,6 +55,24 @@ class Reading:
                 dt = self._until_above(top, bottom, count)
             if count > self.low:
                 dt = min(dt, self._until_below(top, bottom, count))
+        return count, t_ns + dt if dt < NEVER_NS else NEVER_NS
+
+    def _read_level(self, lines: Mapping[str, Line], t_ns: int) -> tuple[int, int]:
+        """The same for one quantity over a constant, by far the most frequent reading."""
+        ((name, factor),) = self.top.terms
+        start, num, den, t0_ns = lines[name]
+        slope, unit = factor * num, self.bottom.constant * den
+        value = factor * (start * den + num * (t_ns - t0_ns)) + self.top.constant * den
+        ceiling = self.rounding is Rounding.CEILING
+        count = -(-value // unit) if ceiling else (2 * value + unit) // (2 * unit)
+        count = min(max(count, self.low), self.high)
+        dt = NEVER_NS
+        if slope > 0 and count < self.high:
+            dt = first_positive(value - count * unit, slope) if ceiling else \
+                first_not_negative(2 * value - (2 * count + 1) * unit, 2 * slope)
+        elif slope < 0 and count > self.low:
+            dt = first_not_negative((count - 1) * unit - value, -slope) if ceiling else \
+                first_positive((2 * count - 1) * unit - 2 * value, -2 * slope)
         return count, t_ns + dt if dt < NEVER_NS else NEVER_NS
 
     def _count(self, top: Course, bottom: Course) -> int:

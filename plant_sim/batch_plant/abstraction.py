@@ -10,19 +10,26 @@ for good; the fact that says why is then true.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations, product
+from functools import cache
+from itertools import combinations, compress, product
+from operator import itemgetter
 from typing import NamedTuple
 
 from plant_sim.abstraction import AbstractionError
 from plant_sim.batch_plant.layout import TANKS, TRANSFERS
 from plant_sim.batch_plant.loads import CONTENTS, content_of, read_tanks, tanks_of_load
 from plant_sim.batch_plant.parameters import BatchParameters
-from plant_sim.batch_plant.processes import PROCESSES, Process
+from plant_sim.batch_plant.processes import PROCESSES, Change
 from plant_sim.contract import Fact, FactValue, PortValue
 from plant_sim.parameters import ParameterError
 
 NAMES = tuple(tank.name for tank in TANKS)
-_CAPACITY_L = {tank.name: float(tank.capacity_l) for tank in TANKS}
+_CAPACITY_L = [float(tank.capacity_l) for tank in TANKS]
+_CHANGES = {p.name: [(NAMES.index(tank), change) for tank, change in p.changes.items()]
+            for p in PROCESSES.values()}
+"""Process -> for each of its tanks, the tank's place in `State.tanks` and what becomes of it."""
+_ACTUATORS = tuple(sorted(frozenset().union(*(p.actuators for p in PROCESSES.values()))))
+_states_of = itemgetter(*_ACTUATORS)
 
 FACTS = (
     Fact("overflow", "bool", "", "some tank has overflowed"),
@@ -31,6 +38,8 @@ FACTS = (
 )
 
 ORDER, OVERFLOW, MIXTURE, INTERRUPTED = "", "overflow", "forbidden_mixture", "interrupted"
+_OBSERVED = {trouble: {fact.name: trouble == fact.name for fact in FACTS}
+             for trouble in (ORDER, OVERFLOW, MIXTURE, INTERRUPTED)}
 
 
 class Running(NamedTuple):
@@ -84,9 +93,7 @@ class BatchAbstraction:
         for name, tanks in _INITIAL[str(which)](self._parameters):
             contents = tuple(tanks.get(tank, "empty") for tank in NAMES)
             self._names.setdefault(State(contents, (), ORDER), name)
-        self._readings: dict[tuple[str, str, str], dict[str, float]] = {}
         self._sensed: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, PortValue]] = {}
-        self._wanted: dict[tuple[tuple[str, PortValue], ...], set[str]] = {}
 
     def initial(self) -> Iterator[State]:
         """The states to begin in."""
@@ -100,78 +107,129 @@ class BatchAbstraction:
 
     def sense(self, state: State) -> dict[str, PortValue]:
         """Levels and temperatures; in transition half-way between before and after."""
-        open_ = tuple([row.process for row in state.running if not row.ended])
-        key = (state.tanks, open_)
+        key = state.tanks, _open(state.running)
         seen = self._sensed.get(key)
         if seen is None:
-            busy = {tank: name for name in open_ for tank in PROCESSES[name].changes}
+            busy = {tank: name for name in key[1] for tank in PROCESSES[name].changes}
             seen = self._sensed[key] = {}
             for tank, content in zip(NAMES, state.tanks, strict=True):
-                seen.update(self._reading(tank, content, busy.get(tank, "")))
+                seen.update(_reading(tank, content, busy.get(tank, "")))
         return seen
-
-    def _reading(self, tank: str, content: str, process: str) -> dict[str, float]:
-        key = (tank, content, process)
-        if key not in self._readings:
-            before = content_of(content)
-            after = content_of(PROCESSES[process].changes[tank][content]) if process else before
-            self._readings[key] = {
-                f"{tank}.level": float(before.volume_l + after.volume_l) / 2,
-                f"{tank}.temperature": (before.temperature_degC + after.temperature_degC) / 2}
-        return self._readings[key]
 
     def actuate(self, state: State, values: Mapping[str, PortValue]) -> State:
         """Begin what is switched on and possible; note what must not be."""
-        key = tuple(values.items())
-        wanted = self._wanted.get(key)
-        if wanted is None:
-            wanted = self._wanted[key] = _wanted(frozenset(n for n, v in key if v))
-        before = {row.process for row in state.running}
-        if state.trouble or before == wanted:
+        tanks, running, trouble = state
+        switching = _switch(running, _states_of(values))
+        if trouble or switching.after is running:
             return state
-        kept = [row for row in state.running if row.process in wanted]
-        if any(not row.ended for row in state.running if row.process not in wanted):
-            return state._replace(trouble=INTERRUPTED)
-        tanks = dict(zip(NAMES, state.tanks, strict=True))
-        for name in sorted(wanted - before, key=_place_in_table):
-            trouble = _obstacle(PROCESSES[name], tanks, [r for r in kept if not r.ended])
-            if trouble is None:
-                kept.append(Running(name, False))
-            elif trouble:
-                return state._replace(trouble=trouble)
-        return State(state.tanks, tuple(sorted(kept)), ORDER)
+        if switching.trouble:
+            return State(tanks, running, switching.trouble)
+        for at, change in switching.needs:
+            if tanks[at] not in change:
+                break
+        else:
+            if not switching.clash:
+                return State(tanks, switching.after, ORDER)
+        return _begin_in_turn(state, switching)
 
     # What happens by itself
 
     def actions(self, state: State) -> Sequence[Ends]:
         """Any of the processes under way end, alone or together."""
-        open_ = [row.process for row in state.running if not row.ended]
-        if state.trouble:
-            return ()
-        return [Ends(some) for n in range(1, len(open_) + 1) for some in combinations(open_, n)]
+        return () if state.trouble else _endings(state.running)
 
     def after(self, state: State, action: Ends) -> State:
         """Contents change to what the processes leave."""
-        tanks = dict(zip(NAMES, state.tanks, strict=True))
-        for name in action:
-            for tank, change in PROCESSES[name].changes.items():
-                tanks[tank] = change[tanks[tank]]
-        running = tuple(Running(r.process, r.ended or r.process in action) for r in state.running)
-        return State(tuple(tanks.values()), running, state.trouble)
+        running, changes = _end(state.running, action)
+        tanks = list(state.tanks)
+        for at, change in changes:
+            tanks[at] = change[tanks[at]]
+        return State(tuple(tanks), running, state.trouble)
 
-    def observe(self, state: State) -> dict[str, FactValue]:
+    def observe(self, state: State) -> Mapping[str, FactValue]:
         """The values of the facts."""
-        return {fact.name: state.trouble == fact.name for fact in FACTS}
+        return _OBSERVED[state.trouble]
 
     # Weak fairness: a process that runs does not run for ever
 
     def pending(self, state: State) -> Collection[str]:
         """The processes under way."""
-        return [row.process for row in state.running if not row.ended and not state.trouble]
+        return () if state.trouble else _open(state.running)
 
     def done(self, action: Ends) -> Collection[str]:
         """The processes that end."""
         return tuple(action)
+
+
+# ---------------------------------------------------------- what running processes decide alone
+
+Rows = tuple[Running, ...]
+Changes = tuple[tuple[int, Change], ...]
+
+
+@cache
+def _reading(tank: str, content: str, process: str) -> dict[str, float]:
+    """What a tank's sensors read while a process, or none, has begun and not ended."""
+    before = content_of(content)
+    after = content_of(PROCESSES[process].changes[tank][content]) if process else before
+    return {f"{tank}.level": float(before.volume_l + after.volume_l) / 2,
+            f"{tank}.temperature": (before.temperature_degC + after.temperature_degC) / 2}
+
+
+@cache
+def _open(running: Rows) -> tuple[str, ...]:
+    """The processes under way."""
+    return tuple(row.process for row in running if not row.ended)
+
+
+@cache
+def _endings(running: Rows) -> tuple[Ends, ...]:
+    """All that can end together."""
+    open_ = _open(running)
+    return tuple(Ends(some) for n in range(1, len(open_) + 1) for some in combinations(open_, n))
+
+
+@cache
+def _end(running: Rows, action: Ends) -> tuple[Rows, Changes]:
+    """The processes after some have ended, and what becomes of which tank."""
+    after = tuple(Running(r.process, r.ended or r.process in action) for r in running)
+    return after, tuple(change for name in action for change in _CHANGES[name])
+
+
+class _Switching(NamedTuple):
+    """What becomes of the running processes when actuators are switched.
+
+    Attributes:
+        kept: those that go on.
+        begins: what else is switched on.
+        after: those that run if all of it can begin.
+        needs: the tanks that decide whether it can.
+        clash: whether it would share a tank with another process.
+        trouble: what goes wrong whatever tanks hold; else empty.
+    """
+
+    kept: Rows
+    begins: tuple[str, ...]
+    after: Rows
+    needs: Changes
+    clash: bool
+    trouble: str
+
+
+@cache
+def _switch(running: Rows, states: tuple[PortValue, ...]) -> _Switching:
+    """What happens when actuators take these states, given in the order of their names."""
+    wanted = _wanted(frozenset(compress(_ACTUATORS, states)))
+    kept = tuple(row for row in running if row.process in wanted)
+    begins = tuple(sorted(wanted - {row.process for row in running}, key=_place_in_table))
+    stopped = any(not row.ended for row in running if row.process not in wanted)
+    needs = tuple(change for name in begins for change in _CHANGES[name])
+    if not begins and len(kept) == len(running):
+        return _Switching(running, (), running, (), False, ORDER)
+    used = [at for at, _ in needs] + [at for name in _open(kept) for at, _ in _CHANGES[name]]
+    after = tuple(sorted((*kept, *(Running(name, False) for name in begins))))
+    return _Switching(kept, begins, after, needs, len(set(used)) < len(used),
+                      INTERRUPTED if stopped else ORDER)
 
 
 def _place_in_table(process: str) -> int:
@@ -187,20 +245,31 @@ def _wanted(on: frozenset[str]) -> set[str]:
     return wanted
 
 
-def _obstacle(process: Process, tanks: Mapping[str, str],
-              open_: Sequence[Running]) -> str | None:
+def _begin_in_turn(state: State, switching: _Switching) -> State:
+    """The state after what is switched on has begun one after the other, as far as it can."""
+    now = list(switching.kept)
+    for name in switching.begins:
+        trouble = _obstacle(name, state.tanks, now)
+        if trouble is None:
+            now.append(Running(name, False))
+        elif trouble:
+            return State(state.tanks, state.running, trouble)
+    return State(state.tanks, tuple(sorted(now)), ORDER)
+
+
+def _obstacle(process: str, tanks: Sequence[str], running: Sequence[Running]) -> str | None:
     """Why a process cannot begin as it should: None if it can, "" if nothing happens at all."""
-    busy = {tank for row in open_ for tank in PROCESSES[row.process].changes}
-    if not busy.isdisjoint(process.changes):
+    changes = _CHANGES[process]
+    busy = {at for row in running if not row.ended for at, _ in _CHANGES[row.process]}
+    if any(at in busy for at, _ in changes):
         return MIXTURE
-    changes = list(process.changes.items())
-    if all(tanks[tank] in change for tank, change in changes):
+    if all(tanks[at] in change for at, change in changes):
         return None
-    source, *sinks = changes
-    if tanks[source[0]] == "empty" or not sinks:
+    (source, _), *sinks = changes
+    if tanks[source] == "empty" or not sinks:
         return ORDER
-    sink = sinks[0][0]
-    added = content_of(tanks[source[0]]).volume_l / (2 if _is_double(tanks[source[0]]) else 1)
+    sink, _ = sinks[0]
+    added = content_of(tanks[source]).volume_l / (2 if _is_double(tanks[source]) else 1)
     full = float(content_of(tanks[sink]).volume_l + added) > _CAPACITY_L[sink]
     return OVERFLOW if full else MIXTURE
 

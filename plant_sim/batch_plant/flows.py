@@ -29,8 +29,6 @@ SALT, HEAT = "salt", "heat"
 SPILL = "spill"
 """The floor: a tank that only takes."""
 STILL = Fraction(0)
-WET_L = Fraction(1, 100)
-"""Liquid that must gather in an emptied tank before it gives any again, l."""
 
 _NEARLY_BOILING = STEAM_HEAT - FINE // 100
 """From 99.99 degC on the heater makes steam; so a tank cooled by a trace need not heat up anew."""
@@ -92,12 +90,17 @@ def choose_modes(plant: BatchTanks) -> dict[str, TankMode]:
     """The mode of every tank at the present instant; notes which tanks are `low`."""
     volumes = {tank: plant.volume(tank) for tank in plant.units.brims}
     givers, flows, thermal = _givers(plant, volumes)
+    into: dict[str, list[Flow]] = {tank: [] for tank in volumes}
+    out_of: dict[str, list[Flow]] = {tank: [] for tank in volumes}
+    for flow in flows:
+        out_of[flow.source].append(flow)
+        if flow.sink in into:
+            into[flow.sink].append(flow)
     modes = {}
     for tank, volume in volumes.items():
         plant.memory.flags[f"{tank} low"] = tank not in givers
-        inflows = tuple(flow for flow in flows if flow.sink == tank)
-        outflows = tuple(flow for flow in flows if flow.source == tank)
-        net = sum(flow.rate for flow in inflows) - sum(flow.rate for flow in outflows)
+        inflows, outflows = tuple(into[tank]), tuple(out_of[tank])
+        net = sum([flow.rate for flow in inflows]) - sum([flow.rate for flow in outflows])
         spilled = net if net > 0 and volume >= plant.units.brims[tank] else 0
         modes[tank] = TankMode(inflows, outflows, spilled, net - spilled, thermal.get(tank, ""))
     return modes
@@ -108,10 +111,10 @@ def _givers(
 ) -> tuple[set[str], list[Flow], dict[str, str]]:
     """The tanks that can give liquid, and the flows and heating that follow.
 
-    A tank that was empty and fills is low, and gives nothing, until it holds `WET_L` or until
+    A tank that was empty and fills is low, and gives nothing, until it is wet or until
     nothing more comes in; or it would start and stop every few ns where its outlet is faster.
     """
-    wet = plant.units.of_litres(WET_L)
+    wet = plant.units.wet
     flags = plant.memory.flags
     givers = {t for t, v in volumes.items() if v >= wet or (v > 0 and not flags[f"{t} low"])}
     while True:
@@ -129,7 +132,7 @@ def _flows(plant: BatchTanks, givers: set[str], thermal: Mapping[str, str]) -> l
     flows = [
         Flow(transfer.name, transfer.source, transfer.sink, rates[transfer.name], transfer)
         for transfer in TRANSFERS
-        if transfer.source in givers and all(on[name] for name in transfer.actuators)
+        if transfer.source in givers and all([on[name] for name in transfer.actuators])
     ]
     if any(on[wear] for wear in WEARS):
         flows = [_worn(flow, on) for flow in flows]

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import cached_property, lru_cache
 from typing import Any
 
 from plant_sim.batch_plant import summary, supervision
@@ -28,7 +29,6 @@ from plant_sim.batch_plant.flows import (
     SALT,
     SPILL,
     STILL,
-    WET_L,
     TankMode,
     choose_modes,
 )
@@ -56,7 +56,7 @@ _STUFFS = ("volume", SALT, HEAT)
 class BatchPlant(BatchTanks):
     """Seven tanks, their pipes, one heater and two coolers."""
 
-    def observe(self) -> dict[str, FactValue]:
+    def _observe(self) -> dict[str, FactValue]:
         """Present values of all facts."""
         return supervision.facts_of(self.memory)
 
@@ -92,21 +92,36 @@ class BatchPlant(BatchTanks):
         self._set_refresh(modes)
         supervision.supervise(self, modes)
 
-    def _guards(self) -> Iterable[Guard]:
-        for tank in self.units.brims:
+    @cached_property
+    def _ends(self) -> dict[str, dict[str, Guard]]:
+        """What can end a tank's mode, by tank and event."""
+        ends = {}
+        for tank, brim in self.units.brims.items():
             volume, heat = f"{tank}.volume", f"{tank}.heat"
-            rising = self._rises(volume)
+            forms = {
+                "empty": Form(((volume, -1),)),
+                "full": Form(((volume, 1),), -brim),
+                "wet": Form(((volume, 1),), -self.units.wet),
+                "cooled": Form(((heat, -1),)),
+                "boiling": Form(((heat, 1), (volume, -STEAM_HEAT))),
+            }
+            ends[tank] = {event: Guard(f"{tank} {event}", form) for event, form in forms.items()}
+        return ends
+
+    def _guards(self) -> Iterable[Guard]:
+        for tank, ends in self._ends.items():
+            rising = self._rises(f"{tank}.volume")
             if rising < 0:
-                yield Guard(f"{tank} empty", Form(((volume, -1),)))
+                yield ends["empty"]
             elif rising > 0:
-                yield Guard(f"{tank} full", Form(((volume, 1),), -self.units.brims[tank]))
+                yield ends["full"]
                 if self.memory.flags[f"{tank} low"]:
-                    yield Guard(f"{tank} wet", Form(((volume, 1),), -self.units.of_litres(WET_L)))
+                    yield ends["wet"]
             thermal = self.memory.words[f"{tank}.thermal"]
             if thermal == "cooling":
-                yield Guard(f"{tank} cooled", Form(((heat, -1),)))
+                yield ends["cooled"]
             elif thermal == "heating":
-                yield Guard(f"{tank} boiling", Form(((heat, 1), (volume, -STEAM_HEAT))))
+                yield ends["boiling"]
 
     def _timers(self) -> Iterable[Timer]:
         if self.memory.numbers["refresh_ns"] >= 0:
@@ -133,25 +148,29 @@ class BatchPlant(BatchTanks):
         return Fraction(-heat, self._cooling_ns[tank]) if thermal == "cooling" else STILL
 
     def _move(self, tank: str, mode: TankMode) -> None:
-        self._slope(f"{tank}.volume", Fraction(mode.net))
-        if mode.at_rest:
-            self._slope(f"{tank}.salt", STILL)
-            self._slope(f"{tank}.heat", STILL)
-            return
-        power = self.memory.rates[f"{tank}.power"]
-        for stuff, own in ((SALT, STILL), (HEAT, power)):
-            change = own + sum((flow.of(stuff, self.memory) for flow in mode.inflows), STILL)
-            change -= change_lost(mode, stuff, self.memory)
-            change -= sum((flow.of(stuff, self.memory) for flow in mode.outflows), STILL)
+        memory = self.memory
+        self._slope(f"{tank}.volume", whole(mode.net))
+        for stuff in (SALT, HEAT):
+            change = STILL
+            if not mode.at_rest:
+                change = memory.rates[f"{tank}.power"] if stuff == HEAT else STILL
+                for flow in mode.inflows:
+                    change = plus(change, flow.of(stuff, memory))
+                for flow in mode.outflows:
+                    change = plus(change, -flow.of(stuff, memory))
+                if mode.spilled:
+                    change -= change_lost(mode, stuff, memory)
             self._slope(f"{tank}.{stuff}", change)
 
     def _move_spill(self, modes: Mapping[str, TankMode]) -> None:
         leaks = [flow for mode in modes.values() for flow in mode.outflows if flow.sink == SPILL]
-        spilled = sum(mode.spilled for mode in modes.values()) + sum(flow.rate for flow in leaks)
-        self._slope(f"{SPILL}.volume", Fraction(spilled))
+        full = [mode for mode in modes.values() if mode.spilled]
+        spilled = sum(mode.spilled for mode in full) + sum(flow.rate for flow in leaks)
+        self._slope(f"{SPILL}.volume", whole(spilled))
         for stuff in (SALT, HEAT):
-            lost = sum((change_lost(mode, stuff, self.memory) for mode in modes.values()), STILL)
-            lost += sum((flow.of(stuff, self.memory) for flow in leaks), STILL)
+            lost = sum((change_lost(mode, stuff, self.memory) for mode in full), STILL)
+            for flow in leaks:
+                lost = plus(lost, flow.of(stuff, self.memory))
             self._slope(f"{SPILL}.{stuff}", lost)
 
     def _set_refresh(self, modes: Mapping[str, TankMode]) -> None:
@@ -192,10 +211,19 @@ class BatchPlant(BatchTanks):
         self._set(f"{tank}.heat", self.volume(tank) * STEAM_HEAT)
 
 
+@lru_cache(maxsize=256)
+def whole(number: int) -> Fraction:
+    """A whole number as a fraction."""
+    return Fraction(number)
+
+
+def plus(one: Fraction, other: Fraction) -> Fraction:
+    """The sum; adding nothing, by far the most frequent case, costs nothing."""
+    return one + other if one and other else one or other
+
+
 def change_lost(mode: TankMode, stuff: str, memory: Memory) -> Fraction:
     """Quanta per ns of salt or heat that run over with the liquid that a full tank cannot hold."""
-    if not mode.spilled:
-        return STILL
     share = Fraction(mode.spilled, sum(flow.rate for flow in mode.inflows))
     return share * sum((flow.of(stuff, memory) for flow in mode.inflows), STILL)
 

@@ -26,6 +26,9 @@ FINE = 1000
 STEAM_HEAT = (BOILING_DEGC - COLD_DEGC) * FINE
 """Heat quanta above cold of one volume quantum at the boiling point."""
 
+WET_L = Fraction(1, 100)
+"""Liquid that must gather in an emptied tank before it gives any again, l."""
+
 
 class Units:
     """Quantum sizes and, in quanta, the capacities and rates for one set of parameters."""
@@ -39,7 +42,7 @@ class Units:
         flows_l_per_ns["steam"] = WATER_L / boiling_ns
         brims_l = {tank.name: tank.capacity_l + exact(parameters.brim_l) for tank in TANKS}
         level = exact(parameters.level_resolution_l)
-        parts = [*flows_l_per_ns.values(), *brims_l.values(), level, Fraction(1, 100)]
+        parts = [*flows_l_per_ns.values(), *brims_l.values(), level, WET_L]
         self.per_litre = math.lcm(*(part.denominator for part in parts))
         """Volume quanta in one litre."""
         self.rates = {name: self.of_litres(flow) for name, flow in flows_l_per_ns.items()}
@@ -47,6 +50,8 @@ class Units:
         self.brims_l = brims_l
         self.brims = {name: self.of_litres(brim) for name, brim in brims_l.items()}
         """Volume quanta at which a tank overflows."""
+        self.wet = self.of_litres(WET_L)
+        """Volume quanta from which on a tank that fills gives liquid again."""
 
     def of_litres(self, volume_l: Fraction) -> int:
         """A volume in quanta; exact for all volumes in hundredths of litres."""

@@ -67,7 +67,7 @@ class LiveView:
     def _picture(self) -> RenderableType:
         system, server = self._daemon.system, self._daemon.server
         counters = system.cycle.counters
-        state = Text(f"{system.config.name or 'PLC'}  {system.resource.state.value}",
+        state = Text(f"{system.config.title}  {system.resource.state.value}",
                      style="bold green" if system.resource.fault is None else "bold red")
         if system.resource.fault is not None:
             state.append(f"  {system.resource.fault}")

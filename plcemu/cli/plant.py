@@ -23,7 +23,7 @@ from plcemu.modbus.errors import UnmappedError
 from plcemu.runtime.config import Config, load_config
 from plcemu.runtime.remote_plant import RemotePlant, StateFile
 from plcemu.runtime.scenario import refuse_tags
-from plcemu.runtime.system import configured_scenario, make_coupling, make_map
+from plcemu.runtime.wiring import configured_scenario, make_coupling, make_map
 
 HELP = "the soft plant alone, as a Modbus client of any PLC"
 EPILOG = """The plant goes on through outages of the PLC. If it is killed or terminated, the next

@@ -64,7 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
     text = ConfigText.read(arguments.config)
     config = text.config(arguments.overrides)
     overrides, vary, limit = list(arguments.overrides), arguments.vary, arguments.within
-    title = config.name or "reach"
+    title = config.title
     show: Literal["interval", "range"] = "range"
     if arguments.study is not None:
         section = config.reach.study(arguments.study)

@@ -96,7 +96,7 @@ def document_of(scheduler: Scheduler, found: Sequence[Best], seconds: float) -> 
 def _print(scheduler: Scheduler, found: Sequence[Best], seconds: float,
            arguments: argparse.Namespace) -> None:
     out = console()
-    out.print(f"{scheduler.config.name}: {len(found)} initial states in {seconds:.2f} s")
+    out.print(f"{scheduler.config.title}: {len(found)} initial states in {seconds:.2f} s")
     table = Table(box=None, pad_edge=False)
     for heading in ("from", "least time per batch", "proof", "states", "this program",
                     f"earliest batch {arguments.batches}"):
@@ -150,4 +150,4 @@ def _draw(scheduler: Scheduler, best: Best, path: Path) -> None:
     from plcemu.runtime.gantt import draw  # needs an extra
     users = scheduler.scheduling.users()
     draw(scheduler.timetable(best), users, float(best.unit_s),
-         f"{scheduler.config.name}, {best.case.name}", path)
+         f"{scheduler.config.title}, {best.case.name}", path)

@@ -83,7 +83,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.report is not None:
             save_report(report, trace, arguments.report)
         if arguments.plot is not None:
-            save_plot(trace, panels or panels_of(trace, {}), arguments.plot, system.config.name)
+            save_plot(trace, panels or panels_of(trace, {}), arguments.plot, system.config.title)
     saved = _save(arguments.save, system, log) if arguments.save is not None else []
     if arguments.json:
         print_json(report)

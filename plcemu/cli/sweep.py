@@ -92,7 +92,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(_document(config.name, plan, design, results, summaries, interrupted))
     else:
-        _print(config.name, plan, design, results, summaries, interrupted)
+        _print(config.title, plan, design, results, summaries, interrupted)
     if interrupted:
         return INTERRUPTED
     return 1 if any(s.violated or s.errors for s in summaries) else 0

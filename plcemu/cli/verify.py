@@ -54,7 +54,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.save is not None and not arguments.save.is_dir():
         raise PlcemuError(f"--save {arguments.save}: there is no such folder")
     config = load_config(arguments.config, arguments.overrides)
-    prover = make_prover(config, arguments.names, bool(arguments.spin or arguments.promela))
+    prover = make_prover(config, arguments.names,
+                         recorded=bool(arguments.spin or arguments.promela))
     result = _with_progress(lambda told: prover.prove(limits_of(config), told))
     if arguments.promela is not None:
         for line in write_promela(arguments.promela, prover, result, config.name):
@@ -67,7 +68,7 @@ def execute(arguments: argparse.Namespace) -> int:
         document = document_of(config.name, result)
         print_json(document if opinion is None else {**document, "spin": opinion.as_json()})
     else:
-        _print(config.name, result)
+        _print(config.title, result)
         for line in saved:
             console().print(line)
         if opinion is not None:

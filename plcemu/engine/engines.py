@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from plcemu.base.errors import PlcemuError
+from plcemu.engine.batch import Batch, Shape
 from plcemu.engine.interpreter import BUDGET, Interpreter
 from plcemu.ir.program import Block, Program
 
@@ -64,6 +65,10 @@ class Engine(Protocol):
 
     def prepare(self, runs: Sequence[tuple[str, int]], budget: int | None = None) -> Code:
         """Make functions, each on the instance at its address, ready to run (again and again)."""
+
+    def batch(self, runs: Sequence[tuple[str, int]], shape: Shape) -> Batch:
+        """Make functions, each on the instance at its address, ready to run on many copies of
+        memory; `block` is lost when they do."""
 
     def advance_clocks(self, elapsed_ns: int) -> None:
         """Let time pass: add it to every running clock cell, up to the cell's limit."""

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from plcemu.base.collector import paused_collector
 from plcemu.base.errors import ProgramFault
+from plcemu.engine.batch import Batch, PlainBatch, Shape
 from plcemu.engine.clocks import advance_clocks, clocks_run
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import FLOATS, STRUCT_CODES, VALUE_OPS, Fault, distance, overrun, wrap
@@ -71,6 +72,10 @@ class Interpreter:
                 budget: int | None = None) -> InterpretedCode:
         """Make functions, each on the instance at its address, ready to run."""
         return InterpretedCode(self, runs, self._default if budget is None else budget)
+
+    def batch(self, runs: Sequence[tuple[str, int]], shape: Shape) -> Batch:
+        """Make functions ready to run on many copies of memory."""
+        return PlainBatch(self.block, self.prepare(runs), shape)
 
     def advance_clocks(self, elapsed_ns: int) -> None:
         """Let time pass: add it to every running clock cell, up to the cell's limit."""

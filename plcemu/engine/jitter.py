@@ -7,12 +7,9 @@ from its own beginning. Every deviation is drawn by the seed, so a run can be re
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from random import Random
-
-from plcemu.engine.releases import Releases, count_any
 
 _BITS = 53
 _WHOLE = (1 << _BITS) - 1
@@ -82,17 +79,7 @@ class JitteredReleases:
         self._reach(before_ns)
         return max(0, bisect_left(self._times, before_ns) - bisect_left(self._times, first_ns))
 
-
-def count_distinct(all_of: Iterable[Releases | JitteredReleases], first_ns: int,
-                   before_ns: int) -> int:
-    """Return how many instants in [first, before) are releases of at least one of several."""
-    each = list(dict.fromkeys(all_of))
-    if len(each) == 1:
-        return each[0].count(first_ns, before_ns)
-    regular = [r for r in each if isinstance(r, Releases)]
-    if len(regular) == len(each):
-        return count_any(regular, first_ns, before_ns)
-    count, t_ns = 0, min(r.first(first_ns) for r in each)
-    while t_ns < before_ns:
-        count, t_ns = count + 1, min(r.first(t_ns + 1) for r in each)
-    return count
+    def within(self, first_ns: int, before_ns: int) -> list[int]:
+        """Return those in [first, before)."""
+        self._reach(before_ns)
+        return self._times[bisect_left(self._times, first_ns):bisect_left(self._times, before_ns)]

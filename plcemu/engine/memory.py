@@ -13,6 +13,12 @@ from plcemu.ir.program import Block, Layout
 
 _CLOCK = struct.Struct("<qq")
 
+_Place = tuple[int, Callable[[Block, int], tuple[Value]], int]
+_KNOWN_LIMIT = 4096
+"""Differences between two images whose tags are remembered; then they are found anew."""
+_KNOWN_BELOW = 1 << 8 * 64
+"""Only differences within 64 bytes are remembered."""
+
 
 class Memory:
     """One flat block of bytes; snapshot, restore and compare are operations on it.
@@ -37,6 +43,8 @@ class Memory:
         self._read = [clock for clock in layout.clocks if clock.observed]
         passing = [offset for clock in self._read if clock.expiry is not None
                    for offset in (clock.offset, clock.expiry.copy)]
+        self.reads_clocks = bool(self._read)
+        """Whether the program reads a clock cell."""
         self._told = _all_but(idle, len(block))
         self._lasting = _all_but(passing, len(block)) if passing else None
         copies = {clock.expiry.copy for clock in self._read if clock.expiry is not None}
@@ -47,6 +55,7 @@ class Memory:
             i for i, (offset, _) in enumerate(self._slots) if offset in idle)
         """The tags of clocks that the program does not read: they run without being a change."""
         self._owner = self._owners(idle)
+        self._known: dict[tuple[int, int], list[_Place]] = {}
         self._shown = self._now()
 
     def _owners(self, idle: set[int]) -> dict[int, list[int]]:
@@ -99,13 +108,29 @@ class Memory:
     def changes(self) -> tuple[Change, ...]:
         """Return the tags that changed since the last call (or `values`), with their values."""
         before, self._shown = self._shown, self._now()
-        if self._shown == before:
+        difference = before ^ self._shown
+        if not difference:
             return ()
-        owner, readers, block = self._owner, self._readers, self.block
-        found = {tag for byte in _set_bytes(before ^ self._shown, len(block))
-                 for tag in owner.get(byte, ())}
-        changed = [(i, *readers[i]) for i in sorted(found)]
+        block = self.block
+        # Mostly a few neighbouring bytes differ, and the same ones in the same bits again and again.
+        first = (difference & -difference).bit_length() - 1 >> 3
+        stretch = difference >> 8 * first
+        changed = self._known.get((first, stretch))
+        if changed is None:
+            changed = self._changed(first, stretch)
         return tuple([(i, unpack(block, offset)[0]) for i, unpack, offset in changed])
+
+    def _changed(self, first: int, stretch: int) -> list[_Place]:
+        """Return index, reader and offset of the tags whose bytes differ, from a byte on."""
+        found: set[int] = set()
+        for byte in _set_bytes(stretch):
+            found.update(self._owner.get(first + byte, ()))
+        changed = [(i, *self._readers[i]) for i in sorted(found)]
+        if stretch < _KNOWN_BELOW:
+            if len(self._known) >= _KNOWN_LIMIT:
+                self._known.clear()
+            self._known[first, stretch] = changed
+        return changed
 
     @property
     def shown(self) -> bytes:
@@ -162,10 +187,10 @@ def _all_but(cells: Iterable[int], size: int) -> int:
 def differing_bytes(before: bytes, after: bytes) -> list[int]:
     """Return the offsets at which two blocks of equal length differ."""
     difference = int.from_bytes(before, "little") ^ int.from_bytes(after, "little")
-    return _set_bytes(difference, len(after))
+    return _set_bytes(difference)
 
 
-def _set_bytes(number: int, size: int) -> list[int]:
+def _set_bytes(number: int) -> list[int]:
     """Return the places of the bytes of a number that are not zero, the lowest first."""
-    return [byte for run in _NOT_ZERO.finditer(number.to_bytes(size, "little"))
-            for byte in range(*run.span())]
+    raw = number.to_bytes(number.bit_length() + 7 >> 3, "little")
+    return [byte for run in _NOT_ZERO.finditer(raw) for byte in range(*run.span())]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import gcd
 
@@ -35,6 +34,14 @@ class Releases:
     def _before(self, t_ns: int) -> int:
         return max(0, -((self.start - t_ns) // self.step))
 
+    def within(self, first_ns: int, before_ns: int) -> range:
+        """Return those in [first, before)."""
+        return range(self.first(first_ns), before_ns, self.step)
+
+    def holds(self, other: Releases) -> bool:
+        """Whether all instants of another progression are also in this one."""
+        return other.step % self.step == 0 and self.is_due(other.start)
+
     def meet(self, other: Releases) -> Releases | None:
         """Return the instants in both, by the Chinese remainder theorem; None if there are none."""
         common = gcd(self.step, other.step)
@@ -45,22 +52,3 @@ class Releases:
         one = self.start + apart // common * pow(own, -1, others) % others * self.step
         both = self.step * others
         return Releases(Releases(one % both, both).first(max(self.start, other.start)), both)
-
-
-def count_any(all_of: Iterable[Releases], first_ns: int, before_ns: int) -> int:
-    """Return how many instants in [first, before) are in at least one of several progressions.
-
-    Inclusion and exclusion: each progression counts without what it shares with those before it.
-    What shares nothing in the stretch is left out, so that few terms remain of many tasks.
-    """
-    counted: list[Releases] = []
-    total = 0
-    for each in dict.fromkeys(all_of):
-        own = each.count(first_ns, before_ns)
-        if own:
-            shared = [both for other in counted if (both := each.meet(other)) is not None
-                      and both.count(first_ns, before_ns)]
-            if each not in shared:
-                total += own - count_any(shared, first_ns, before_ns)
-                counted.append(each)
-    return total

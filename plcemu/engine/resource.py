@@ -16,9 +16,10 @@ from plcemu.base.time import format_duration
 from plcemu.base.types import Value
 from plcemu.engine.engines import Code, make_engine
 from plcemu.engine.interpreter import BUDGET
-from plcemu.engine.jitter import Jitter, count_distinct
+from plcemu.engine.jitter import Jitter
 from plcemu.engine.memory import Memory
 from plcemu.engine.tasks import TaskState, prepare
+from plcemu.engine.timetable import together
 from plcemu.ir.program import Program, Task
 from plcemu.ir.shape import match
 
@@ -49,6 +50,21 @@ class Checkpoint(NamedTuple):
     state: State
     fault: ProgramFault | None
     last_ns: int | None
+
+
+class Rest(NamedTuple):
+    """How long scans cannot matter.
+
+    Attributes:
+        still: they would change nothing at all; else elapsed times that the program does not read.
+        until_ns: the instant at which the passing of time alone changes what they do; None: never.
+    """
+
+    still: bool
+    until_ns: int | None
+
+
+_UNKNOWN = -1
 
 
 class Resource:
@@ -83,11 +99,14 @@ class Resource:
         """The tasks, the most urgent first."""
         self.statistics = list({s.task: s.statistics for s in self._tasks}.values())
         """What is measured of each of `tasks`, in their order."""
+        self._releases = together(state.releases for state in self._tasks)
         self._safe = self._safe_places(safe_outputs or {})
         self.probe: Probe | None = None
         """Who is asked to run the tasks instead, such as a debugger; None for nobody."""
         self._last_ns: int | None = None
+        # What the last scan left in memory, and how much time may pass then (or `_UNKNOWN`).
         self._left = bytes(self.memory.block)
+        self._within: int | None = _UNKNOWN
 
     def _safe_places(self, values: Mapping[str, Value]) -> list[tuple[int, bytes]]:
         """Return what to write into memory for safe outputs: zeros, then the configured values."""
@@ -139,19 +158,19 @@ class Resource:
 
     def is_due(self, t_ns: int) -> bool:
         """Whether any task is released at an instant."""
-        return any(state.releases.is_due(t_ns) for state in self._tasks)
+        return self._releases.is_due(t_ns)
 
     def first_release_ns(self, not_before_ns: int) -> int:
         """Return the first instant, not before another, at which a task is released."""
-        return min(state.releases.first(not_before_ns) for state in self._tasks)
+        return self._releases.first(not_before_ns)
 
     def last_release_ns(self, before_ns: int) -> int:
         """Return the last instant before another at which a task is released; -1 if none is."""
-        return max(state.releases.last(before_ns) for state in self._tasks)
+        return self._releases.last(before_ns)
 
     def releases_between(self, first_ns: int, before_ns: int) -> int:
         """Return how many instants in [first, before) release a task."""
-        return count_distinct((state.releases for state in self._tasks), first_ns, before_ns)
+        return self._releases.count(first_ns, before_ns)
 
     # ------------------------------------------------------------ scan
 
@@ -168,12 +187,16 @@ class Resource:
         if self.state is not State.RUN:
             self._make_safe()
             return
-        run = self._run_compared if now_ns is None else self._run_measured(now_ns)
-        if now_ns is not None or bytes(self.memory.block) != self._left:
+        if now_ns is not None:
+            run = self._run_measured(now_ns)
             self._wake()
-        if elapsed:
-            if now_ns is None:
+        else:
+            run = self._run_compared
+            if bytes(self.memory.block) != self._left:
+                self._wake()
+            elif elapsed:
                 self._expect(elapsed)
+        if elapsed:
             self.engine.advance_clocks(elapsed)
         for state in self._tasks:
             if state.releases.is_due(t_ns):
@@ -184,7 +207,7 @@ class Resource:
                 if self.state is not State.RUN:
                     break
         if now_ns is None:
-            self._left = bytes(self.memory.block)
+            self._left, self._within = bytes(self.memory.block), _UNKNOWN
 
     def _is_wanted(self, state: TaskState) -> bool:
         """Whether a task is to run at its release: always, unless it has an event (table 50)."""
@@ -235,8 +258,15 @@ class Resource:
     # ------------------------------------------------------------ scans that cannot matter
 
     def _time_matters_in_ns(self) -> int | None:
-        """Return how much time may pass before that alone can change what a scan does."""
-        return self.memory.time_matters_in_ns() if self.engine.clocks_run() else None
+        """Return how much time may pass before that alone can change what a scan does.
+
+        Memory must be as the last scan left it.
+        """
+        if self._within == _UNKNOWN:
+            memory = self.memory
+            self._within = memory.time_matters_in_ns() \
+                if memory.reads_clocks and self.engine.clocks_run() else None
+        return self._within
 
     def _expect(self, elapsed_ns: int) -> None:
         """Wake the tasks if so much time can change what they do."""
@@ -264,28 +294,32 @@ class Resource:
         for state in self._tasks:
             state.quiet = state.still = False
 
-    def is_quiet(self, but_for_elapsed: bool = False) -> bool:
-        """Whether scans at later releases would change nothing while the inputs stay as they are.
+    def rest(self) -> Rest | None:
+        """Return how long scans cannot matter while the inputs stay as they are; None: not at all.
 
-        So it is when every task's last scan changed no byte, nobody else has changed one since,
-        and no clock that the program reads runs. In STOP and FAULT nothing runs.
-
-        Args:
-            but_for_elapsed: leave elapsed times that the program does not read aside: clocks of
-                which it sees only the expiry may run; they matter at `matters_again_ns`.
+        They cannot matter while every task's last run changed no byte, or only elapsed times that
+        the program does not read, nobody else has changed one since, and no clock runs that the
+        program reads; of clocks of which it sees only the expiry that matters. In STOP and FAULT
+        nothing runs.
         """
         if self.state is not State.RUN:
-            return True
+            return Rest(True, None)
+        still = True
+        for task in self._tasks:
+            if not task.quiet:
+                return None
+            still = still and task.still
         if bytes(self.memory.block) != self._left:
-            return False
-        if but_for_elapsed:
-            return all(s.quiet for s in self._tasks) and self._time_matters_in_ns() != 0
-        return all(s.still for s in self._tasks) and self._time_matters_in_ns() is None
+            return None
+        within = self._time_matters_in_ns()
+        if within is None:
+            return Rest(still, None)
+        return Rest(False, (self._last_ns or 0) + within) if within else None
 
-    def matters_again_ns(self) -> int | None:
-        """Return when the passing of time alone changes what scans do; None for never."""
-        within = self._time_matters_in_ns() if self.state is State.RUN else None
-        return None if within is None or self._last_ns is None else self._last_ns + within
+    def is_quiet(self) -> bool:
+        """Whether scans at later releases would change nothing while the inputs stay as they are."""
+        rest = self.rest()
+        return rest is not None and rest.still
 
     def last_of_each_ns(self, first_ns: int, before_ns: int) -> int:
         """Return the first of the tasks' last releases in [first, before), or `before`.
@@ -299,8 +333,8 @@ class Resource:
     def missed(self, first_ns: int, before_ns: int) -> None:
         """Count the releases in [first, before), which an overrun let pass, for each task."""
         for task, statistics in zip(self.tasks, self.statistics, strict=True):
-            lost = count_distinct((s.releases for s in self._tasks if s.task is task), first_ns,
-                             before_ns)
+            lost = together(s.releases for s in self._tasks if s.task is task).count(
+                first_ns, before_ns)
             statistics.missed += lost
             statistics.overruns += lost > 0
 

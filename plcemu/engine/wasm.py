@@ -10,9 +10,12 @@ from typing import Any, NoReturn
 from plcemu.base.collector import paused_collector
 from plcemu.base.errors import LimitError, ProgramFault
 from plcemu.engine import native
+from plcemu.engine.batch import Batch, PlainBatch, Shape
 from plcemu.engine.interpreter import BUDGET, OUTSIDE
 from plcemu.engine.native import Unavailable as Unavailable
-from plcemu.engine.wat import COMPLETED, RUN_ROOM, Translated, translate_program
+from plcemu.engine.wasm_batch import WasmBatch
+from plcemu.engine.wat import RUN_ROOM, Translated, translate_program
+from plcemu.engine.wat_batch import COMPLETED
 from plcemu.ir.builtins import BUILTINS
 from plcemu.ir.ops import VALUE_OPS, Fault, distance, overrun
 from plcemu.ir.program import Block, Program
@@ -84,6 +87,14 @@ class WasmEngine:
         start, end = self._list(tuple(runs))
         budget = self._budget if budget is None else budget
         return WasmCode(self._machine, (start, end), budget, self._head, self._stop)
+
+    def batch(self, runs: Sequence[tuple[str, int]], shape: Shape) -> Batch:
+        """Make functions ready to run on many copies of memory."""
+        try:
+            return WasmBatch(self._machine, self._head, self._translated.room,
+                             self._list(tuple(runs)), self._budget, shape, self._stop)
+        except MemoryError:
+            return PlainBatch(self._block, self.prepare(runs), shape)
 
     def _list(self, runs: tuple[tuple[str, int], ...]) -> tuple[int, int]:
         if runs not in self._lists:

@@ -2,7 +2,8 @@
 
 The program's memory block is the end of WebAssembly's memory, so that an address beyond it traps
 without a test. Before it stand, in this order, the number of whole runs made, the places of the
-clock cells, and the lists of functions to run.
+clock cells, the lists of functions to run, and the room for batches (`plcemu.engine.batch`), which
+takes no memory until it is used.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from plcemu.engine.wat_batch import COMPLETED, each
 from plcemu.engine.wat_code import FunctionWriter
 from plcemu.engine.wat_ops import KINDS, Helpers
 from plcemu.ir.program import Program
@@ -17,14 +19,14 @@ from plcemu.ir.program import Program
 PAGE = 65536
 """Bytes of WebAssembly's unit of memory."""
 
-COMPLETED = 0
-"""Address of the number of whole runs made (i64)."""
-
 CLOCKS = 64
 """Address of the clock cells' addresses (u32), those that the program reads first."""
 
 RUN_ROOM = 8 * 4096
 """Bytes for the lists of functions to run: each a number in the table and an address (u32)."""
+
+BATCH_ROOM = 16 * PAGE
+"""Bytes for a batch: as many copies of the memory block as find room there are run at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,7 @@ class Translated:
         text: the module.
         origin: address of the memory block.
         runs: address of the room for lists of functions to run.
+        room: address of the room for batches.
         numbers: each function's number in the table.
         fixed: functions that run on one instance only, with its address.
         hosts: imported functions by name: machine types taken, the site last, and given.
@@ -44,6 +47,7 @@ class Translated:
     text: str
     origin: int
     runs: int
+    room: int
     numbers: dict[str, int]
     fixed: dict[str, int]
     hosts: dict[str, tuple[tuple[str, ...], str]]
@@ -54,7 +58,8 @@ def translate_program(program: Program) -> Translated:
     """Return a program as WebAssembly text."""
     layout, functions = program.layout, program.functions
     runs = CLOCKS + -(-4 * len(layout.clocks) // 8) * 8
-    pages = -(-(runs + RUN_ROOM + layout.size) // PAGE)
+    room = runs + RUN_ROOM
+    pages = -(-(room + BATCH_ROOM + layout.size) // PAGE)
     origin = pages * PAGE - layout.size
     names, helpers = _names(list(functions)), Helpers(origin, layout.size)
     fixed = _fixed(program)
@@ -75,10 +80,11 @@ def translate_program(program: Program) -> Translated:
         _advance([origin + c.offset for c in clocks]),
         _CLOCKS_RUN.replace("BEGIN", str(CLOCKS)).replace("END", str(CLOCKS + 4 * observed))
         .replace("ANSWER", str(COMPLETED)),
-        _REPEAT.replace("COMPLETED", str(COMPLETED)),
+        _RUN_ALL, _REPEAT.replace("COMPLETED", str(COMPLETED)),
+        each(origin, layout.size),
         *bodies, ")", ""]
     numbers = {name: n for n, name in enumerate(functions)}
-    return Translated("\n".join(parts), origin, runs, numbers, fixed, helpers.hosts,
+    return Translated("\n".join(parts), origin, runs, room, numbers, fixed, helpers.hosts,
                       helpers.sites)
 
 
@@ -186,29 +192,34 @@ _CLOCKS_RUN = """\
     end
   end)"""
 
+_RUN_ALL = """\
+(func $run_all (param $runs i64) (param $end i64) (param $limit i64)
+  (local $at i32)
+  (global.set $left (local.get $limit))
+  (local.set $at (i32.wrap_i64 (local.get $runs)))
+  block $ran
+    loop $next
+      (br_if $ran (i32.ge_u (local.get $at) (i32.wrap_i64 (local.get $end))))
+      (call_indirect (type $pou)
+        (i32.load offset=4 (local.get $at)) (i32.load (local.get $at)))
+      (local.set $at (i32.add (local.get $at) (i32.const 8)))
+      br $next
+    end
+  end)"""
+
 _REPEAT = """\
 (func (export "repeat")
   (param $runs i64) (param $end i64) (param $count i64) (param $elapsed i64) (param $limit i64)
-  (local $at i32)
   (i64.store (i32.const COMPLETED) (i64.const 0))
   (global.set $budget (local.get $limit))
   block $done
     loop $again
       (br_if $done (i64.eqz (local.get $count)))
       (if (i64.ne (local.get $elapsed) (i64.const 0)) (then (call $advance (local.get $elapsed))))
-      (global.set $left (local.get $limit))
-      (local.set $at (i32.wrap_i64 (local.get $runs)))
-      block $ran
-        loop $next
-          (br_if $ran (i32.ge_u (local.get $at) (i32.wrap_i64 (local.get $end))))
-          (call_indirect (type $pou)
-            (i32.load offset=4 (local.get $at)) (i32.load (local.get $at)))
-          (local.set $at (i32.add (local.get $at) (i32.const 8)))
-          br $next
-        end
-      end
+      (call $run_all (local.get $runs) (local.get $end) (local.get $limit))
       (i64.store (i32.const COMPLETED) (i64.add (i64.load (i32.const COMPLETED)) (i64.const 1)))
       (local.set $count (i64.sub (local.get $count) (i64.const 1)))
       br $again
     end
   end)"""
+

@@ -118,16 +118,36 @@ class Waiting(NamedTuple):
     mask: bytes | None
 
 
+class _Part(NamedTuple):
+    """A part of an extent: where it stands in memory and in the image, what converts its bytes."""
+
+    in_memory: slice
+    in_image: slice
+    to_image: Callable[[bytes], bytes]
+    to_memory: Callable[[bytes], bytes]
+
+
+def _part(extent: Extent) -> _Part:
+    to_image, to_memory = extent.to_image, extent.to_memory
+    if extent.count == 1 and not extent.is_bits:
+        to_image = to_memory = _reversed
+    return _Part(extent.memory_slice, extent.image_slice, to_image, to_memory)
+
+
+def _reversed(element: bytes) -> bytes:
+    return element[::-1]
+
+
 class _Target(NamedTuple):
     """What a write to a stretch of an area's image touches in memory.
 
     Attributes:
-        extents: the numbers of the area's extents.
-        parts: of the extents, with memory and image slices, that the write touches.
+        parts: of the extents, that the write touches.
+        whole: whether it replaces all of them, if it has no mask.
     """
 
-    extents: tuple[int, ...]
-    parts: tuple[tuple[Extent, slice, slice], ...]
+    parts: tuple[_Part, ...]
+    whole: bool
 
 
 class Checkpoint(NamedTuple):
@@ -137,8 +157,7 @@ class Checkpoint(NamedTuple):
     forces: dict[int, bytes]
 
 
-@dataclass(frozen=True, slots=True)
-class _Write:
+class _Write(NamedTuple):
     port: Port
     area: str
     offset: int
@@ -193,7 +212,7 @@ class Port:
             ValueError: the mask is not as long as the data.
             LimitError: `PENDING_LIMIT` writes wait for the next scan already.
         """
-        self._exchange.published(area, offset, len(data))
+        self._exchange.check_place(area, offset, len(data))
         if mask is not None and len(mask) != len(data):
             raise ValueError(f"a mask of {len(mask)} bytes for {len(data)} bytes of data")
         write = _Write(self, area, offset, bytes(data), mask)
@@ -242,6 +261,8 @@ class Exchange:
         self._queue: list[_Write] = []
         self._forces: dict[int, bytes] = {}
         self._stand_over(memory, extents)
+        self.version = 0
+        """Another number whenever something but inputs may have changed in the image."""
         self.writers: set[str] = set()
         """The names of the ports whose writes went into input areas at the last latch."""
         self.update_outputs()
@@ -252,8 +273,10 @@ class Exchange:
         self._extents = tuple(extents)
         self._by_area = _grouped(self._extents)
         self._targets: dict[tuple[str, int, int], _Target] = {}
-        self._places = [(e.memory_slice, e.image_slice, self._image[e.area]) for e in self._extents]
-        self._last_raw: list[bytes] = [b""] * len(self._extents)
+        self._parts = [(e.area, _part(e)) for e in self._extents]
+        # What the image shows of memory up to its last extent; empty if that is not known.
+        self._end = max((e.memory_slice.stop for e in self._extents), default=0)
+        self._shown = bytearray()
 
     def port(self, name: str) -> Port:
         """Return a new client's view."""
@@ -266,10 +289,19 @@ class Exchange:
 
     def published(self, area: str, offset: int, n: int) -> bytes:
         """Return bytes of an area's published image (of memory, for the pseudo-area MEMORY)."""
+        return bytes(self.check_place(area, offset, n)[offset:offset + n])
+
+    def check_place(self, area: str, offset: int, n: int) -> bytearray | memoryview:
+        """Return an area's image (memory, for MEMORY) if it has these bytes.
+
+        Raises:
+            KeyError: there is no such area.
+            IndexError: the stretch leaves the area.
+        """
         image = self._memory if area == MEMORY else self._image[area]
         if offset < 0 or n < 0 or offset + n > len(image):
             raise IndexError(f"bytes {offset} to {offset + n} of {area} ({len(image)} bytes)")
-        return bytes(image[offset:offset + n])
+        return image
 
     def queue(self, write: _Write) -> None:
         """Let a write wait for the next scan."""
@@ -317,7 +349,7 @@ class Exchange:
             image[:] = point.image[begin:begin + len(image)]
             begin += len(image)
         self._forces = dict(point.forces)
-        self._last_raw = [b""] * len(self._extents)
+        self._shown = bytearray()
 
     def rebind(self, memory: bytearray | memoryview, extents: Sequence[Extent],
                place: Callable[[int, int], int | None]) -> list[int]:
@@ -355,27 +387,35 @@ class Exchange:
                 self._latch(write)
                 if write.area[0] == "I":
                     self.writers.add(write.port.name)
-                write.port.latched()
-        self._apply_forces()
+            for port in {write.port for write in waiting}:
+                port.latched()
+        if self._forces:
+            self._apply_forces()
 
     def _latch(self, write: _Write) -> None:
         """Put a write into the image and, where the program uses it, into memory.
 
         Around the written bits the elements keep what memory holds, not what was last published.
         """
-        if write.area == MEMORY:
-            _merge(self._memory, write.offset, write.data, write.mask)
+        _, area, offset, data, mask = write
+        if area == MEMORY:
+            _merge(self._memory, offset, data, mask)
             return
-        numbers, parts = self._target(write.area, write.offset, len(write.data))
-        # The image will hold what clients wrote, no longer what was published last.
-        for n in numbers:
-            self._last_raw[n] = b""
-        image, memory = self._image[write.area], self._memory
-        for part, in_memory, in_image in parts:
-            image[in_image] = part.to_image(bytes(memory[in_memory]))
-        _merge(image, write.offset, write.data, write.mask)
-        for part, in_memory, in_image in parts:
-            memory[in_memory] = part.to_memory(bytes(image[in_image]))
+        parts, whole = self._target(area, offset, len(data))
+        image, memory, shown = self._image[area], self._memory, self._shown
+        if mask is not None or not whole:
+            for part in parts:
+                image[part.in_image] = part.to_image(bytes(memory[part.in_memory]))
+        if mask is None:
+            image[offset:offset + len(data)] = data
+        else:
+            _merge(image, offset, data, mask)
+        for in_memory, in_image, _, to_memory in parts:
+            raw = memory[in_memory] = to_memory(bytes(image[in_image]))
+            if shown:
+                shown[in_memory] = raw  # here image and memory say the same now
+        if area[0] != "I":
+            self.version += 1
 
     def _target(self, area: str, offset: int, n: int) -> _Target:
         """Return what a write of `n` bytes touches; the same few come again and again."""
@@ -383,22 +423,26 @@ class Exchange:
         if target is None:
             if len(self._targets) >= TARGETS_LIMIT:
                 self._targets.clear()
-            numbers = tuple(self._by_area.get(area, ()))
-            parts = [part for k in numbers
-                     if (part := self._extents[k].part(offset, offset + n)) is not None]
-            target = self._targets[area, offset, n] = _Target(
-                numbers, tuple((p, p.memory_slice, p.image_slice) for p in parts))
+            found = [self._extents[k].part(offset, offset + n) for k in self._by_area.get(area, ())]
+            parts = tuple(_part(part) for part in found if part is not None)
+            whole = all(offset <= part.in_image.start and part.in_image.stop <= offset + n
+                        for part in parts)
+            target = self._targets[area, offset, n] = _Target(parts, whole)
         return target
 
     def update_outputs(self) -> None:
         """Publish what the scan left in memory, forces over it."""
-        self._apply_forces()
-        memory, last_raw = self._memory, self._last_raw
-        for i, (in_memory, in_image, image) in enumerate(self._places):
-            raw = bytes(memory[in_memory])
-            if raw != last_raw[i]:
-                last_raw[i] = raw
-                image[in_image] = self._extents[i].to_image(raw)
+        if self._forces:
+            self._apply_forces()
+        shown, now = self._shown, bytes(self._memory[:self._end])
+        if now == shown:
+            return
+        for area, part in self._parts:
+            raw = now[part.in_memory]
+            if raw != shown[part.in_memory]:
+                self._image[area][part.in_image] = part.to_image(raw)
+                self.version += 1
+        self._shown = bytearray(now)
 
     def _apply_forces(self) -> None:
         for offset, data in self._forces.items():

@@ -22,11 +22,13 @@ class Point:
         name: of the plant's port, such as `B1.level`.
         address: where its raw value stands.
         scale: engineering units for one raw count (exact); raw = round(value / scale).
+        signed: whether raw values that are more than a bit are numbers in two's complement.
     """
 
     name: str
     address: Address
     scale: Fraction = Fraction(1)
+    signed: bool = True
 
     @property
     def is_bit(self) -> bool:
@@ -39,7 +41,7 @@ class Point:
         return SIZES[self.address.area[1]]
 
     def to_raw(self, value: bool | int | float) -> int:
-        """Return the raw value: a bit, or a two's complement number as wide as the address.
+        """Return the raw value: a bit, or a number as wide as the address.
 
         Values beyond the range of the raw value saturate, as a real input module's do.
 
@@ -50,19 +52,20 @@ class Point:
             return int(bool(value))
         if math.isnan(value):
             raise PointError(f"{self.name} is not a number")
-        high = (1 << (8 * self.width - 1)) - 1
+        high = (1 << (8 * self.width - self.signed)) - 1
+        low = -high - 1 if self.signed else 0
         if math.isinf(value):
-            counts = high if (value > 0) == (self.scale > 0) else -high - 1
+            counts = high if (value > 0) == (self.scale > 0) else low
         else:
             counts = round(Fraction(value) / self.scale) if self.scale != 1 else round(value)
-        return max(-high - 1, min(high, counts)) & ((1 << 8 * self.width) - 1)
+        return max(low, min(high, counts)) & ((1 << 8 * self.width) - 1)
 
     def to_value(self, raw: int) -> bool | float:
         """Return the value in engineering units."""
         if self.is_bit:
             return bool(raw)
-        signed = raw - (1 << 8 * self.width) if raw >> (8 * self.width - 1) else raw
-        return float(signed * self.scale)
+        negative = self.signed and raw >> (8 * self.width - 1)
+        return float((raw - (1 << 8 * self.width) if negative else raw) * self.scale)
 
     def image_write(self, raw: int) -> tuple[str, int, bytes, bytes | None]:
         """Return (area, byte offset, data, mask) that put a raw value into the image."""

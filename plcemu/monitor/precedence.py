@@ -35,36 +35,37 @@ class Precedence:
 
     def __init__(self, premise: State | None, goal: State, bound_ns: int) -> None:
         self.premise, self.goal, self.bound_ns = premise, goal, bound_ns
-        self.pulsed = goal.pulsed or (premise is not None and premise.pulsed)
         self.triggers = 0
         self.trigger_ns: int | None = None
         self.deadline_ns: int | None = None
         # Up to `_t_ns` everything is accounted for; after it p and q keep these values.
         self._t_ns: int | None = None
-        self._p = self._q = NO
+        self._q = NO
+        self._p = NO if premise is not None else YES
         self._held_ns: int | None = None
         self._perhaps_ns: int | None = None
         self._unsure = self._was = False
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
         """Take the values from an instant on; before it lie the values `before`."""
-        t_ns = frame.t_ns
-        if self._t_ns is not None:
+        t_ns, last_ns = frame.t_ns, self._t_ns
+        if last_ns is not None and last_ns < t_ns - 1:
             self._pass(t_ns - 1)
-        self._read(now, before, sure)
+        premise, goal = self.premise, self.goal
+        if premise is not None:
+            self._p = _value(premise, now, before, sure)
+        self._q = _value(goal, now, before, sure)
         self._pass(t_ns)
-        if self._is_broken(t_ns):
+        if self._p == YES and self._is_broken(t_ns):
             self.trigger_ns = t_ns
             return NO
-        if self.pulsed:
-            # A pulse is over in the next ns.
-            self._read(now, now, sure)
+        # A pulse is over in the next ns.
+        if premise is not None and premise.pulsed:
+            self._p = _value(premise, now, now, sure)
+        if goal.pulsed:
+            self._q = _value(goal, now, now, sure)
         self._foresee()
         return None
-
-    def _read(self, now: Values, before: Values, sure: bool) -> None:
-        self._p = YES if self.premise is None else _value(self.premise, now, before, sure)
-        self._q = _value(self.goal, now, before, sure)
 
     def _pass(self, t_ns: int) -> None:
         """Take it that p and q kept their values up to and with an instant."""
@@ -78,7 +79,7 @@ class Precedence:
         holds = (self._q if self.premise is None else self._p) == YES
         self.triggers += holds and not self._was
         self._was = holds
-        if self._p != NO and not self._covers(self._held_ns, t_ns):
+        if self._p != NO and self._q != YES and not self._covers(self._held_ns, t_ns):
             self._unsure = self._unsure or not self._is_broken(t_ns)
 
     def _covers(self, held_ns: int | None, t_ns: int) -> bool:

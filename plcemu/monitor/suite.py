@@ -63,6 +63,7 @@ class Suite:
         self._exact = False
         # Which open properties may stand otherwise than `_verdicts` says, as bit masks.
         self._moved = self._restless = 0
+        self._standing = [Verdict.INCONCLUSIVE] * len(self._watches)
         self._verdicts = [Verdict.INCONCLUSIVE.value] * len(self._watches)
         self._index()
 
@@ -153,16 +154,16 @@ class Suite:
         last call, or moves with time, is asked again.
         """
         moved, self._moved = self._moved | self._restless, 0
-        now: list[str] | None = None
+        told = True
         while moved:
             watch = self._open[moved.bit_length() - 1]
             moved ^= 1 << moved.bit_length() - 1
-            verdict = watch.stands(self._t_ns).value
-            if verdict != self._verdicts[watch.place]:
-                now = now or list(self._verdicts)
-                now[watch.place] = verdict
-        if now is not None:
-            self._verdicts = now
+            verdict = watch.stands(self._t_ns)
+            if verdict is not self._standing[watch.place]:
+                self._standing[watch.place] = verdict
+                told = False
+        if not told:
+            self._verdicts = [verdict.value for verdict in self._standing]
         return self._verdicts
 
     def results(self) -> list[Result]:
@@ -173,7 +174,8 @@ class Suite:
         """Judge the properties of these names alone from now on."""
         self._watches = [watch for watch in self._watches if watch.entry.name in names]
         self._open = [watch for watch in self._open if watch.entry.name in names]
-        self._verdicts = [self._verdicts[watch.place] for watch in self._watches]
+        self._standing = [self._standing[watch.place] for watch in self._watches]
+        self._verdicts = [verdict.value for verdict in self._standing]
         for place, watch in enumerate(self._watches):
             watch.place = place
         self._settle()
@@ -297,10 +299,10 @@ class Suite:
         for watch in decided:
             watch.tell(self._excerpt)
         if decided:
-            self._verdicts = list(self._verdicts)
             for watch in decided:
                 assert watch.verdict is not None
-                self._verdicts[watch.place] = watch.verdict.value
+                self._standing[watch.place] = watch.verdict
+            self._verdicts = [verdict.value for verdict in self._standing]
             self._open = [watch for watch in self._open if watch.verdict is None]
             self._index()
         self._set_wake()

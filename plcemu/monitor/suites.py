@@ -119,7 +119,11 @@ class Suites:
 
     def observe(self, frame: Frame) -> None:
         """Take one frame."""
-        for member in self._members:
+        members = self._members
+        if len(members) == 1 and members[0].route is None:
+            members[0].suite.observe(frame)
+            return
+        for member in members:
             route = member.route
             if route is None:
                 member.suite.observe(frame)
@@ -152,7 +156,10 @@ class Suites:
     @property
     def undecided(self) -> int:
         """How many properties have no final verdict yet."""
-        return sum(m.suite.undecided for m in self._members)
+        undecided = 0
+        for member in self._members:
+            undecided += member.suite.undecided
+        return undecided
 
     def verdicts(self) -> list[str]:
         """Return the verdicts alone, in the order the properties were given."""

@@ -85,6 +85,8 @@ class Alarms:
         self.tags = [Tag(f"alarm.{alarm.name}.state", "STRING", comment=alarm.text)
                      for alarm in alarms]
         self._shown: tuple[Value, ...] = tuple(alarm.state.value for alarm in alarms)
+        self.acknowledged = self._find_acknowledged()
+        """Whether one is acknowledged and not yet cleared."""
         self.changed = False
         """Whether a state changed since `values` was asked last."""
 
@@ -123,7 +125,11 @@ class Alarms:
 
     def _show(self) -> None:
         self._shown = tuple(alarm.state.value for alarm in self._alarms)
+        self.acknowledged = self._find_acknowledged()
         self.changed = True
+
+    def _find_acknowledged(self) -> bool:
+        return any(alarm.state is AlarmState.ACKNOWLEDGED for alarm in self._alarms)
 
     def checkpoint(self) -> tuple[Alarm, ...]:
         """Return all alarms as they stand."""

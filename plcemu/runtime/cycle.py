@@ -155,7 +155,7 @@ class Cycle:
     def _begin(self) -> None:
         """Let the next frame be one that holds every tag."""
         every = self._own.every
-        self._sources = self._own.sources
+        self._ask = [source.values for source in self._own.sources]
         self._last: list[Sequence[Value | None]] = [() for _ in every]
         self._bases = list(accumulate([len(self.resource.memory.tags),
                                        *(len(s.tags) for s in every)]))
@@ -300,8 +300,10 @@ class Cycle:
         if self.reactions is not None:
             self.reactions.after_judging(t_ns)
         if changes or self.suite.undecided != undecided:
-            verdicts = self._moved(len(self._sources), self._own.verdicts.values())
-            frame = Frame(t_ns, self.scan_number, (*changes, *verdicts))
+            verdicts = self._own.verdicts.values()
+            if verdicts is not self._last[-1]:
+                moved = self._moved(len(self._last) - 1, verdicts)
+                frame = Frame(t_ns, self.scan_number, (*changes, *moved))
         for observer in self.observers:
             observer.observe(frame)
         if self.state_observers:
@@ -324,16 +326,19 @@ class Cycle:
                         zip(self._judged_times, now, self._times, strict=True)
                         if new != old and i not in told]
             self._times_run, self._times = now != self._times, now
-        for n, source in enumerate(self._sources):
-            changes += self._moved(n, source.values())
+        last = self._last
+        for n, values in enumerate(self._ask):
+            now = values()
+            if now is not last[n]:
+                changes += self._moved(n, now)
         return tuple(changes)
 
     def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
-        if now is before or now == before:
-            return []
         self._last[n] = now
+        if now == before:
+            return []
         return list(compress(enumerate(now, base), map(ne, now, before)) if before
                     else enumerate(now, base))
 
@@ -371,7 +376,7 @@ class Cycle:
         if point.shown is not None:
             self._started = True
             self.resource.memory.shown = point.shown[0]
-            self._last = [list(values) for values in point.shown[1]]
+            self._last = list(point.shown[1])
 
     def tell_all(self) -> None:
         """Let the next frame hold every tag, as the first one does."""
@@ -393,17 +398,17 @@ class Cycle:
         if self.exchange.waiting or self._times_run or \
                 (self.reactions is not None and self.reactions.must_look()):
             return
-        only_elapsed = not resource.is_quiet()
-        if only_elapsed and (self.observers or self.recorder or self._elapsed_judged
-                             or not resource.is_quiet(but_for_elapsed=True)):
+        rest = resource.rest()
+        if rest is None or not rest.still and (self.observers or self.recorder
+                                               or self._elapsed_judged):
             return
-        wakes = [limit_ns, self.suite.next_deadline_ns(), resource.matters_again_ns(),
+        wakes = [limit_ns, self.suite.next_deadline_ns(), rest.until_ns,
                  self.plant.next_event_ns() if self.plant is not None else None,
                  self.player.next_event_ns() if self.player is not None else None]
-        target = resource.first_release_ns(min(w for w in wakes if w is not None))
+        target = resource.first_release_ns(min([w for w in wakes if w is not None]))
         if target >= limit_ns:
             target = resource.last_release_ns(limit_ns)
-        if target > self.t_ns and only_elapsed:
+        if target > self.t_ns and not rest.still:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
             skipped = resource.releases_between(self.t_ns, target)

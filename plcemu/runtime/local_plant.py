@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from itertools import compress
+from operator import ne
 from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
-from hil.coupling import Coupling
+from hil.coupling import Coupling, picker
 from plant_sim.contract import PortValue
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
@@ -48,9 +50,8 @@ class LocalPlant:
         self.stepped_aside = False
         self._exchange = exchange
         self._port = exchange.port(self.PORT)
-        self._written: list[int | None] = [None] * len(coupling.inputs)
-        self._spans = _spans(coupling.outputs)
-        self._shown: list[bytes] | None = None
+        self._written: Sequence[int | None] = [None] * len(coupling.inputs)
+        self._version = -1
         plant = coupling.plant
         wired = {p.name for p in coupling.inputs}
         sensors = [p for p in plant.ports if p.direction == "sensor" and p.name in wired]
@@ -58,13 +59,13 @@ class LocalPlant:
                      for p in sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
-        self._sensor_names = [p.name for p in sensors]
-        self._fact_names = [f.name for f in plant.facts]
-        self._values: list[Value] = []
+        self._pick_sensors = picker([p.name for p in sensors])
+        self._pick_facts = picker([f.name for f in plant.facts])
+        self._values: tuple[Value, ...] = ()
         self._read()
         self._event_ns = coupling.next_event_ns()
 
-    def values(self) -> list[Value]:
+    def values(self) -> tuple[Value, ...]:
         """Return the values of the tags, in their order."""
         return self._values
 
@@ -89,10 +90,9 @@ class LocalPlant:
             return
         if self._exchange.writers and self._is_taken_over():
             return
-        published = self._exchange.published
-        shown = [published(*span) for span in self._spans]
-        if shown != self._shown:
-            self._shown = shown
+        version = self._exchange.version
+        if version != self._version:
+            self._version = version
             if self.coupling.take_outputs(self._published(self.coupling.outputs)):
                 self._refresh()
 
@@ -108,14 +108,14 @@ class LocalPlant:
     def checkpoint(self) -> Checkpoint:
         """Return the whole state, the writes that wait for the next scan with it."""
         return Checkpoint(self.coupling.checkpoint(), self.stepped_aside, tuple(self._written),
-                          tuple(self._values), self._event_ns, self._port.pending)
+                          self._values, self._event_ns, self._port.pending)
 
     def return_to(self, point: Checkpoint) -> None:
         """Take up the state of a checkpoint, after the exchange has returned to its own."""
         self.coupling.return_to(point.coupling)
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
-        self._written, self._values = list(point.written), list(point.values)
-        self._shown = None
+        self._written, self._values = point.written, point.values
+        self._version = -1
         for write in point.pending:
             self._port.write(*write)
 
@@ -131,28 +131,15 @@ class LocalPlant:
         self._event_ns = self.coupling.next_event_ns()
 
     def _write(self, sensed: Mapping[str, PortValue]) -> None:
-        raw = self.coupling.give_inputs(sensed)
-        if raw == self._written:
-            return
-        for n, (point, now) in enumerate(zip(self.coupling.inputs, raw, strict=True)):
-            if now != self._written[n]:
-                self._written[n] = now
-                self._port.write(*point.image_write(now))
+        raw, written = self.coupling.give_inputs(sensed), self._written
+        for n in compress(range(len(raw)), map(ne, raw, written)):
+            self._port.write(*self.coupling.inputs[n].image_write(raw[n]))
+        self._written = raw
 
     def _read(self) -> Mapping[str, PortValue]:
         """Bring the tags' values up to date; return the readings among them."""
         sensed, facts = self.coupling.sense(), self.coupling.plant.observe()
-        values: list[Value] = [*map(sensed.__getitem__, self._sensor_names),
-                               *map(facts.__getitem__, self._fact_names)]
+        values = self._pick_sensors(sensed) + self._pick_facts(facts)
         if values != self._values:
             self._values = values
         return sensed
-
-
-def _spans(points: Sequence[Point]) -> list[tuple[str, int, int]]:
-    """Return the stretches of the areas, (area, offset, bytes), in which points stand."""
-    spans: dict[str, tuple[int, int]] = {}
-    for area, offset, n in (point.image_place() for point in points):
-        low, high = spans.get(area, (offset, offset + n))
-        spans[area] = min(low, offset), max(high, offset + n)
-    return [(area, low, high - low) for area, (low, high) in spans.items()]

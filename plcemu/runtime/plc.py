@@ -16,12 +16,13 @@ from plcemu.engine.resource import Resource
 from plcemu.ir.program import Program, Task
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.access import TagAccess
+from plcemu.runtime.causes import Cause
 from plcemu.runtime.change import Change, ChangeReport, make_exchange
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.debugger import Debugger
 from plcemu.runtime.history import LIMIT_BYTES, Difference, History, HistoryError, differences
 from plcemu.runtime.retention import KeptInStep
-from plcemu.runtime.why import DEPTH, Cause, Why
+from plcemu.runtime.why import DEPTH, Why
 
 
 def compile(source: str | Path | Iterable[str | Path], *,

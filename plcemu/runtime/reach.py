@@ -16,8 +16,8 @@ from plant_sim.linear_automaton import Automaton, AutomatonError
 from plcemu.base.errors import ConfigError, PlcemuError
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import Config, ConfigText
-from plcemu.runtime.system import make_coupling, make_plant, make_resource
 from plcemu.runtime.variation import Variation, VariationError
+from plcemu.runtime.wiring import make_coupling, make_plant, make_resource
 from plcemu.verify.controller import ProgramController
 from plcemu.verify.hybrid import Cyclic, Reached, reach
 from plcemu.verify.polyhedra import Bounds

@@ -100,7 +100,7 @@ class Reactions:
         cycle = self._cycle
         assert cycle is not None
         undecided = cycle.suite.undecided
-        if undecided == self._undecided and not self._awaits_clearing:
+        if undecided == self._undecided and not self.alarms.acknowledged:
             return
         self._undecided = undecided
         violated = self._violated(cycle)
@@ -110,10 +110,6 @@ class Reactions:
             elif reaction.alarm is not None and reaction.name not in violated and \
                     self.alarms[reaction.name].state is AlarmState.ACKNOWLEDGED:
                 self.alarms.set_state(reaction.name, AlarmState.CLEARED, t_ns)
-
-    @property
-    def _awaits_clearing(self) -> bool:
-        return any(alarm.state is AlarmState.ACKNOWLEDGED for alarm in self.alarms)
 
     @staticmethod
     def _violated(cycle: Cycle) -> set[str]:
@@ -139,7 +135,7 @@ class Reactions:
 
     def must_look(self) -> bool:
         """Whether the next scan matters: an alarm's state has not been shown, or may be cleared."""
-        return self.alarms.changed or self._awaits_clearing
+        return self.alarms.changed or self.alarms.acknowledged
 
     # ------------------------------------------------------------ from outside, between scans
 

@@ -19,7 +19,7 @@ from plant_sim.abstraction import (
 from plcemu.base.errors import ConfigError, PlcemuError
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import Config
-from plcemu.runtime.system import make_coupling, make_resource
+from plcemu.runtime.wiring import make_coupling, make_resource
 from plcemu.verify.certificate import flaw_in
 from plcemu.verify.cone import cone_of
 from plcemu.verify.controlled import run_controlled

@@ -82,13 +82,19 @@ class CycleCounters:
         Tag("task.overruns", "ULINT", comment="laps that ended after the next release"),
         Tag("task.missed", "ULINT", comment="releases lost to overruns")])
 
+    shown: tuple[int, ...] = (0, 0)
+    """The values of the tags as they were told last."""
+
     def values(self) -> Sequence[Value]:
         """Return the values of the tags."""
-        return (self.overruns, self.missed)
+        if self.shown != (self.overruns, self.missed):
+            self.shown = (self.overruns, self.missed)
+        return self.shown
 
     def numbers(self) -> dict[str, int]:
         """Return everything counted, by attribute."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tags"}
+        return {f.name: getattr(self, f.name) for f in fields(self)
+                if f.name not in ("tags", "shown")}
 
 
 _COUNTS = {"scans": "runs of the task", "overruns": "laps that made it miss releases",

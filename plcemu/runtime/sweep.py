@@ -21,8 +21,9 @@ from plcemu.base.tags import TagTable
 from plcemu.base.trace import Frame
 from plcemu.base.types import Value
 from plcemu.runtime.config import Config, ConfigText
-from plcemu.runtime.system import Parts, System, load_parts, make_plant
+from plcemu.runtime.system import Parts, System, load_parts
 from plcemu.runtime.variation import Variation
+from plcemu.runtime.wiring import make_plant
 
 RUNS_LIMIT = 10_000_000
 """Runs of one sweep."""

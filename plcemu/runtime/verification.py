@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from plant_sim.abstraction import Abstraction, AbstractionError, load_abstraction
-from plant_sim.contract import PortValue
-from plant_sim.free_inputs import FreeInputs
 from plcemu.base.errors import CompileError, UnknownNameError
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
@@ -14,51 +12,12 @@ from plcemu.lang.compile import compile_program
 from plcemu.monitor import Property, load_properties, parse_properties
 from plcemu.monitor.formula import Formula
 from plcemu.runtime.config import Config
-from plcemu.runtime.system import make_coupling, make_resource
+from plcemu.runtime.free_inputs import FREE_INPUTS, all_inputs, free_inputs, is_used
+from plcemu.runtime.wiring import make_coupling, make_resource
 from plcemu.verify.check import is_plain
 from plcemu.verify.explore import Limits
-from plcemu.verify.machine import place_of
 from plcemu.verify.promela_plant import RecordedPlant
 from plcemu.verify.prove import Prover
-
-FREE_INPUTS = "free_inputs"
-"""The abstraction of which nothing is known but what the inputs are."""
-
-
-def free_inputs(config: Config, inputs: Sequence[Point], program: Program) -> FreeInputs:
-    """Return the plant that may give the inputs any value.
-
-    Inputs of one bit take both values, or those that `verify.parameters` names for them; others
-    must have some named, unless the program does not read them. Those stay at FALSE or 0.
-
-    Raises:
-        ConfigError: values of an input are missing or do not fit.
-    """
-    given = config.verify.parameters
-    values: dict[str, Sequence[PortValue]] = {}
-    for name in set(given) - {p.name for p in inputs}:
-        raise config.mistake(("verify", "parameters", name), "is no input of the plant; there are "
-                             + ", ".join(p.name for p in inputs))
-    for point in inputs:
-        off: PortValue = point.to_value(0)
-        both: list[PortValue] | None = [False, True] if isinstance(off, bool) else None
-        if not _uses(program, point):
-            both = [off]
-        named = given.get(point.name, both)
-        if named is None:
-            raise config.mistake(("verify", "parameters", point.name), "is missing: which values "
-                                 f"may {point.name} ({point.address}) read? Give a list")
-        values[point.name] = named if isinstance(named, list) else [named]
-    try:
-        return FreeInputs(values)
-    except ValueError as problem:
-        raise config.mistake(("verify", "parameters"), problem) from None
-
-
-def _uses(program: Program, point: Point) -> bool:
-    """Whether a program has a variable, declared or not, at a point's address."""
-    place = place_of(program, point)
-    return any(slot.offset == place for slot in program.layout.slots)
 
 
 def make_abstraction(config: Config) -> Abstraction:
@@ -71,7 +30,8 @@ def make_abstraction(config: Config) -> Abstraction:
     name = section.abstraction or (config.plant.model if config.plant else None)
     if name is None:
         raise config.mistake(("verify", "abstraction"), "is missing, and there is no plant whose "
-                             "abstraction could be taken")
+                             f"abstraction could be taken; {FREE_INPUTS} lets every input of the "
+                             "program change at any time")
     parameters = {**(config.plant.parameters if config.plant else {}), **section.parameters}
     if section.initial is not None:
         parameters["initial"] = section.initial
@@ -104,12 +64,14 @@ def load_demands(config: Config, names: list[str] | None = None) -> list[Propert
     return [known[name.casefold()] for name in names]
 
 
-def make_prover(config: Config, names: list[str] | None = None, recorded: bool = False) -> Prover:
+def make_prover(config: Config, names: list[str] | None = None, together: bool = True,
+                recorded: bool = False) -> Prover:
     """Return the prover of a configuration.
 
     Args:
         config: the configuration.
-        names: of the properties to be proved; all if there are none.
+        names: of the properties to be proved; all if None.
+        together: see `Prover`.
         recorded: whether the plant writes down what it is asked, for an export to SPIN.
 
     Raises:
@@ -120,18 +82,27 @@ def make_prover(config: Config, names: list[str] | None = None, recorded: bool =
     section = config.verify
     program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                               single_firing=fires_once(config))
-    wiring = make_coupling(config)
-    inputs = wiring.inputs
-    plant: Abstraction
-    if section.abstraction == FREE_INPUTS:
-        plant = free_inputs(config, inputs, program)
-        inputs = tuple(p for p in inputs if _uses(program, p))
-    else:
-        plant = make_abstraction(config)
+    plant, inputs, outputs = _plant(config, program)
     if recorded:
         plant = RecordedPlant(plant)
-    return Prover(make_resource(config, program), plant, inputs, wiring.outputs,
-                  config.cycle, properties, section.merge, _frozen(config))
+    return Prover(make_resource(config, program), plant, inputs, outputs,
+                  config.cycle, properties, section.merge, _frozen(config), together)
+
+
+def _plant(config: Config, program: Program
+           ) -> tuple[Abstraction, Sequence[Point], Sequence[Point]]:
+    """Return the finite plant, the inputs that it drives, and the outputs that it follows."""
+    if config.verify.abstraction != FREE_INPUTS:
+        plant, wiring = make_abstraction(config), make_coupling(config)
+        return plant, wiring.inputs, wiring.outputs
+    wired: tuple[Point, ...] = ()
+    outputs: tuple[Point, ...] = ()
+    if config.plant is not None:
+        wiring = make_coupling(config)
+        wired, outputs = wiring.inputs, wiring.outputs
+    inputs = all_inputs(config, wired, program)
+    return (free_inputs(config, inputs, program, wired),
+            [p for p in inputs if is_used(program, p)], outputs)
 
 
 def fires_once(config: Config) -> bool:

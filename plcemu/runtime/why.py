@@ -12,27 +12,20 @@ their own value from before where they hold it.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import Any
 
 from plcemu.base.areas import SIZES, parse_address
 from plcemu.base.errors import PlcemuError, UnknownNameError
 from plcemu.base.spans import Span
-from plcemu.base.time import NS_PER_S, format_duration
-from plcemu.base.types import Value
-from plcemu.engine.dependence import Dependences, Reads
-from plcemu.engine.engines import Code
-from plcemu.engine.memory import differing_bytes
+from plcemu.base.time import format_duration
 from plcemu.engine.resource import State
-from plcemu.engine.tracer import Access, Event, Tracer
+from plcemu.engine.tracer import Access, Event
 from plcemu.io.exchange import MEMORY
-from plcemu.ir.program import Task
+from plcemu.runtime.causes import LEAVES, Cause
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.debugger import ScanTrace
 from plcemu.runtime.history import History, HistoryError
+from plcemu.runtime.past import Past
 
 DEPTH = 6
 """How many causes deep an explanation goes by default."""
@@ -40,102 +33,8 @@ DEPTH = 6
 NODES = 2_000
 """The largest number of values that one explanation shows; beyond it branches end, and say so."""
 
-SCANS_KEPT = 64
-"""Traced scans kept while an explanation is made."""
-
 LIBRARY = "library/"
 """What the names of the sources of standard function blocks begin with."""
-
-LEAVES = {
-    "input": "came from outside", "constant": "a constant", "initial": "as at the start",
-    "safe": "a safe value: the PLC does not run", "forced": "forced", "fact": "not the program's",
-    "seen": "explained above", "depth": "deeper than shown", "record": "older than the record",
-    "restart": "made so between two scans"}
-"""Kinds of causes that have no causes of their own, and what they mean."""
-
-
-@dataclass(slots=True)
-class Cause:
-    """A value and what made it so.
-
-    Attributes:
-        tag: in the user's spelling.
-        value: that it has.
-        kind: `assignment`, `step`, `block` (an output of a standard function block), `clock` (a
-            time that passes), or one of `LEAVES`.
-        t_ns: the release of the scan that wrote it.
-        scan: the number of that scan.
-        since_ns: since when it has had the value, as far as recorded.
-        file: where the instruction is written; empty for a leaf without one.
-        line: from 1; 0 for none.
-        text: the line.
-        type: of the tag.
-        note: who wrote an input, how long a timer has run, and the like.
-        causes: what it depends on.
-    """
-
-    tag: str
-    value: Value | None
-    kind: str
-    t_ns: int
-    scan: int
-    since_ns: int | None = None
-    file: str = ""
-    line: int = 0
-    text: str = ""
-    note: str = ""
-    type: str = ""
-    causes: list[Cause] = field(default_factory=list)
-
-    def walk(self) -> Iterator[Cause]:
-        """Yield this cause and all below it."""
-        yield self
-        for cause in self.causes:
-            yield from cause.walk()
-
-    @property
-    def leaves(self) -> list[Cause]:
-        """Where the branches end."""
-        return [cause for cause in self.walk() if not cause.causes]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return it as plain values, times in s."""
-        since = self.since_ns
-        return {"tag": self.tag, "value": self.value, "kind": self.kind,
-                "t_s": self.t_ns / NS_PER_S, "scan": self.scan,
-                "since_s": None if since is None else since / NS_PER_S, "file": self.file,
-                "line": self.line, "text": self.text, "note": self.note,
-                "causes": [cause.as_json() for cause in self.causes]}
-
-    def __str__(self) -> str:
-        return "\n".join(self._lines("", ""))
-
-    def _lines(self, head: str, below: str) -> Iterator[str]:
-        yield head + self._line()
-        for n, cause in enumerate(self.causes, 1):
-            last = n == len(self.causes)
-            yield from cause._lines(below + ("└─ " if last else "├─ "),
-                                    below + ("   " if last else "│  "))
-
-    def _line(self) -> str:
-        parts = [f"{self.tag} = {self._shown()}"]
-        if self.since_ns is not None:
-            parts.append(f"since {format_duration(self.since_ns)}")
-        if self.note:
-            parts.append(self.note)
-        if self.kind in LEAVES and (self.kind == "seen" or not self.note):
-            parts.append(LEAVES[self.kind])
-        if self.file:
-            parts.append(f"{self.file}:{self.line}  {self.text}")
-        return "  ".join(parts)
-
-
-    def _shown(self) -> str:
-        if isinstance(self.value, bool):
-            return "TRUE" if self.value else "FALSE"
-        if self.type in ("TIME", "LTIME") and isinstance(self.value, int):
-            return f"T#{format_duration(self.value)}"
-        return "unknown" if self.value is None else repr(self.value)
 
 
 class Why:
@@ -151,7 +50,7 @@ class Why:
         self._history = history
         self._bench = bench
         self._memory = bench.resource.memory
-        self._past = _Past(history, bench)
+        self._past = Past(history, bench)
         self._names = {self._memory.place(i)[0]: tag.name
                        for i, tag in enumerate(self._memory.tags)}
         self._steps = {tag.name for tag in self._memory.tags if tag.name.endswith(".X")
@@ -450,145 +349,3 @@ def _source_line(span: Span) -> str:
     begin = text.rfind("\n", 0, span.start) + 1
     end = text.find("\n", span.start)
     return " ".join(text[begin:end if end >= 0 else len(text)].split())
-
-
-# ---------------------------------------------------------------- the past
-
-
-class _Past:
-    """Executes recorded scans again and keeps what happened in them."""
-
-    def __init__(self, history: History, bench: Cycle) -> None:
-        self._history = history
-        self._bench = bench
-        self._tracer = Tracer(bench.resource.program, bench.resource.memory)
-        self._dependences = Dependences(bench.resource.program.functions)
-        self._scans: dict[int, _Scan] = {}
-        self._stretches: dict[int, dict[int, list[int]]] = {}
-        self._clocks = [range(c.offset, c.offset + 16)
-                        for c in bench.resource.memory.layout.clocks]
-        self._ends: list[tuple[int, bytes]] = []
-        first = history.executed_before(history.first_scan + 1)
-        self.first = history.first_scan if first is None else first
-
-    def trace(self, scan: int) -> ScanTrace:
-        """Return what happened inside a scan."""
-        return self._scan(scan).trace
-
-    def after(self, scan: int) -> bytes:
-        """Return the memory after a scan."""
-        return self._scan(scan).after
-
-    def before(self, scan: int) -> bytes:
-        """Return the memory that a scan found, before it latched anything."""
-        return self._scan(scan).before
-
-    def forces(self, scan: int) -> dict[int, bytes]:
-        """Return the forces in a scan."""
-        return self._scan(scan).forces
-
-    def writers(self, scan: int) -> set[str]:
-        """Return the names of those whose writes to inputs a scan latched."""
-        return self._scan(scan).writers
-
-    def state(self, scan: int) -> State:
-        """Return the PLC's state after a scan."""
-        return self._scan(scan).state
-
-    def reads(self, scan: int) -> dict[int, Reads]:
-        """Return which reads the writes of a scan depend on."""
-        found = self._scan(scan)
-        if found.reads is None:
-            found.reads = self._dependences.of(found.trace.events)
-        return found.reads
-
-    def is_clock(self, place: range) -> bool:
-        """Whether memory belongs to a clock, which time moves."""
-        return any(place.start < clock.stop and clock.start < place.stop for clock in self._clocks)
-
-    def came_in(self, scan: int, place: range) -> bool:
-        """Whether memory had another value at the beginning of a scan than after the one before."""
-        found = self._scan(scan)
-        begin = found.trace.images[0][1] if found.trace.images else found.after
-        return found.before[place.start:place.stop] != begin[place.start:place.stop]
-
-    def changed(self, place: range, before: int) -> int | None:
-        """Return the last scan before another in which memory changed, as seen after scans."""
-        at = self._history.executed_before(before)
-        while at is not None:
-            first, last = self._history.stretch(at)
-            if first not in self._stretches:
-                self._stretches[first] = self._changes(first, last)
-            changes = self._stretches[first]
-            found = [scans[n - 1] for byte in place if (scans := changes.get(byte))
-                     and (n := bisect_left(scans, before))]
-            if found:
-                return max(found)
-            at = self._history.executed_before(first)
-        return None
-
-    def _changes(self, first: int, last: int) -> dict[int, list[int]]:
-        """Return for each byte the scans of a stretch in which it changed, in order."""
-        block = self._bench.resource.memory.block
-        images = [(first, self._found(first))]
-        self._history.execute(self._bench, first, last,
-                              lambda number: images.append((number, bytes(block))))
-        found: dict[int, list[int]] = {}
-        for (_, old), (number, new) in pairwise(images):
-            for byte in differing_bytes(old, new):
-                found.setdefault(byte, []).append(number)
-        return found
-
-    def _found(self, scan: int) -> bytes:
-        """Return the memory after the scan executed before; before the first, the initial one."""
-        earlier = self._history.executed_before(scan)
-        if earlier is None and self._history.first_scan == 0:
-            return self._bench.resource.memory.layout.initial
-        if earlier is None:
-            self._history.place(self._bench, scan)
-            return self._bench.resource.memory.snapshot()
-        self._history.execute(self._bench, earlier, earlier)
-        return self._bench.resource.memory.snapshot()
-
-    def _scan(self, scan: int) -> _Scan:
-        found = self._scans.get(scan)
-        if found is None:
-            while len(self._scans) >= SCANS_KEPT:
-                del self._scans[next(iter(self._scans))]
-            found = self._scans[scan] = self._look_into(scan)
-        return found
-
-    def _look_into(self, scan: int) -> _Scan:
-        resource = self._bench.resource
-        before = self._found(scan)
-        trace = ScanTrace(scan, self._history.released_ns(scan))
-
-        def probe(task: Task, code: Code) -> None:
-            if self._bench.scan_number != scan:
-                code.run()  # on the way there from the keyframe
-                return
-            trace.images.append((len(trace.events), bytes(resource.memory.block)))
-            instances = [resource.program.instance(name) for name in task.programs]
-            trace.events.extend(self._tracer.events(
-                [(i.function, i.base) for i in instances], task.name, code.budget))
-
-        probing, resource.probe = resource.probe, probe
-        try:
-            self._history.execute(self._bench, scan, scan)
-        finally:
-            resource.probe = probing
-        return _Scan(trace, before, resource.memory.snapshot(), self._bench.exchange.forces,
-                     resource.state, set(self._bench.exchange.writers))
-
-
-@dataclass(slots=True)
-class _Scan:
-    """A scan that was executed again: the memory before and after it, and what happened in it."""
-
-    trace: ScanTrace
-    before: bytes
-    after: bytes
-    forces: dict[int, bytes]
-    state: State
-    writers: set[str]
-    reads: dict[int, Reads] | None = None

@@ -7,11 +7,12 @@ import sys
 import time
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Literal
 
-from plcemu.verify.system import A, S, TransitionSystem
+from plcemu.base.collector import paused_collector
+from plcemu.verify.system import A, Expanding, OneByOne, S, TransitionSystem
 
 Order = Literal["bfs", "dfs"]
 
@@ -132,14 +133,31 @@ class Graph(Generic[S, A]):
         self._count.append(0)
         return number
 
+    def _expand(self, source: int, edges: Sequence[tuple[A, S]],
+                discover: Callable[[S, int], int]) -> None:
+        """Note a state's transitions; the states that are new are to be discovered."""
+        self._first[source], self._count[source] = len(self._targets), len(edges)
+        label_of, numbers = self._label_of, self.number
+        for action, following in edges:
+            label = label_of.get(action)
+            self._labels.append(self._label(action) if label is None else label)
+            target = numbers.get(following)
+            self._targets.append(discover(following, source) if target is None else target)
+
+    def _expand_like(self, source: int, twin: int) -> None:
+        """Note that a state has the same transitions as another one."""
+        first, count = self._first[twin], self._count[twin]
+        self._first[source], self._count[source] = len(self._targets), count
+        self._targets.extend(self._targets[first:first + count])
+        self._labels.extend(self._labels[first:first + count])
+
     def _label(self, action: A) -> int:
-        label = self._label_of.get(action)
-        if label is None:
-            label = self._label_of[action] = len(self._actions)
-            self._actions.append(action)
+        label = self._label_of[action] = len(self._actions)
+        self._actions.append(action)
         return label
 
 
+@paused_collector()
 def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
             order: Order = "bfs",
             found: Callable[[int, S], bool] | None = None,
@@ -156,7 +174,8 @@ def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
     graph: Graph[S, A] = Graph()
     frontier: deque[int] = deque()
     begin = time.monotonic()
-    take = frontier.popleft if order == "bfs" else frontier.pop
+    many = system if isinstance(system, Expanding) else OneByOne(system)
+    twins: dict[Hashable, int] = {}
 
     def discover(state: S, parent: int) -> int:
         number = graph._add(state, parent)
@@ -165,29 +184,33 @@ def explore(system: TransitionSystem[S, A], limits: Limits = Limits(), *,
             graph.reason = "the search ended at what it looked for"
         return number
 
+    def first_alike(number: int) -> int:
+        """Return the first state that was taken up and has the same future."""
+        return twins.setdefault(many.future(graph.states[number]), number)
+
     for state in system.initial():
         number = graph.number.get(state)
         graph.initial.append(discover(state, -1) if number is None else number)
     looked = 0
     while frontier and not graph.reason:
-        source = take()
-        state = graph.states[source]
-        edges = [(graph._label(action), system.next(state, action))
-                 for action in system.actions(state)]
-        graph._first[source], graph._count[source] = len(graph._targets), len(edges)
-        for label, following in edges:
-            target = graph.number.get(following)
-            if target is None:
-                target = discover(following, source)
-            graph._targets.append(target)
-            graph._labels.append(label)
-        looked += 1
-        if looked % _LOOK_EVERY == 0 or len(graph) > limits.states:
-            progress = Progress(len(graph), graph.edges, len(frontier),
-                                time.monotonic() - begin, used_mb())
-            if on_progress is not None:
-                on_progress(progress)
-            graph.reason = graph.reason or _reached(limits, progress)
+        taken = [frontier.popleft() for _ in range(min(len(frontier), _LOOK_EVERY))] \
+            if order == "bfs" else [frontier.pop()]
+        pairs = [(source, first_alike(source)) for source in taken]
+        rows = many.expand([graph.states[source] for source, twin in pairs if source == twin])
+        for at, (source, twin) in enumerate(pairs, 1):
+            if source == twin:
+                graph._expand(source, next(rows), discover)
+            else:
+                graph._expand_like(source, twin)
+            looked += 1
+            if looked % _LOOK_EVERY == 0 or len(graph) > limits.states:
+                progress = Progress(len(graph), graph.edges, len(frontier) + len(pairs) - at,
+                                    time.monotonic() - begin, used_mb())
+                if on_progress is not None:
+                    on_progress(progress)
+                graph.reason = graph.reason or _reached(limits, progress)
+            if graph.reason:
+                break
     graph.seconds = time.monotonic() - begin
     graph.complete = not frontier and not graph.reason
     return graph

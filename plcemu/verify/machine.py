@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from plcemu.base.errors import PlcemuError
+from plcemu.engine.batch import Batch, Shape
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Block, Program
@@ -29,14 +30,19 @@ class ScanMachine:
     def __init__(self, resource: Resource, inputs: Sequence[Point] = (),
                  kept: Iterable[int] | None = None) -> None:
         program = resource.program
+        kept = None if kept is None else frozenset(kept)
         self.resource = resource
         self._block = resource.engine.block
-        self._code = resource.engine.prepare(_simple_runs(program, resource))
+        self._runs = _simple_runs(program, resource)
+        self._code = resource.engine.prepare(self._runs)
         self._places = [_place(program, point) for point in inputs]
         self._stretches = _stretches(zip(self._places, (p.width for p in inputs), strict=True))
+        self.order = [n for _, numbers in self._stretches for n in numbers]
+        """The numbers of the inputs as they follow one another in memory."""
         self._size = len(program.layout.initial)
         self.initial = bytes(program.layout.initial)
-        self.has_clocks = any(c.observed for c in program.layout.clocks)
+        self.has_clocks = any(c.observed and (kept is None or c.offset in kept)
+                              for c in program.layout.clocks)
         self._mask = mask_of(self._size, kept)
         rest = ~self._mask & ((1 << 8 * self._size) - 1)
         self._rest = int.from_bytes(self.initial, "little") & rest
@@ -67,6 +73,15 @@ class ScanMachine:
         self._code.repeat(1, elapsed_ns)
         self.scans += 1
         return bytes(block)
+
+    def batch(self, told: Sequence[int]) -> Batch:
+        """Return what makes many scans at once, and tells the bytes at these offsets.
+
+        Its inputs are raw values in `order`. Who uses it counts the scans.
+        """
+        mask, rest = (number.to_bytes(self._size, "little") for number in (self._mask, self._rest))
+        return self.resource.engine.batch(
+            self._runs, Shape([place for place, _ in self._stretches], mask, rest, told))
 
 
 def mask_of(size: int, offsets: Iterable[int] | None) -> int:

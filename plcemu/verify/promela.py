@@ -18,12 +18,12 @@ from typing import Literal
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoDeadlock, Reachable, Recurrence, StateGraph
 from plcemu.verify.cone import cone_of
-from plcemu.verify.loop import SETTLES_WITHIN
 from plcemu.verify.machine import place_of
 from plcemu.verify.promela_code import Cell, Cells, NoPromela, ScanWriter
 from plcemu.verify.promela_formula import FormulaWriter
 from plcemu.verify.promela_plant import FREE, PlantTables, RecordedPlant
 from plcemu.verify.prove import NO_FAULT, Prover
+from plcemu.verify.settle import SETTLES_WITHIN
 
 _COMPILER = "gcc -O2 -fwrapv -DNOREDUCE"
 

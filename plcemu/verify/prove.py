@@ -12,6 +12,7 @@ from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
+from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
 from plcemu.verify.check import (
@@ -100,6 +101,7 @@ class Prover:
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
+        together: whether many steps are made at once; if not, one after the other, as is readable.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -108,7 +110,8 @@ class Prover:
 
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
-                 merge: Merge = "stable", frozen: Formula | None = None) -> None:
+                 merge: Merge = "stable", frozen: Formula | None = None,
+                 together: bool = True) -> None:
         self.cycle_ns, self.properties, self.frozen = cycle_ns, list(properties), frozen
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
@@ -132,8 +135,8 @@ class Prover:
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
                                self.predicates.mask(formulas), looked_at,
                                (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None)
-        self.cuts = self._cuts(kept, merge)
+                               self.predicates.test(frozen) if frozen else None, together)
+        self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
 
@@ -215,6 +218,18 @@ class Prover:
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def _never_written(program: Program, inputs: Sequence[Point],
+                   kept: frozenset[int] | None) -> list[str]:
+    """Return, in words, which inputs of the program nothing writes in any run."""
+    driven = {place_of(program, point) for point in inputs}
+    tags = {slot.offset: slot.tag for slot in reversed(program.layout.slots)
+            if slot.tag.address.startswith("%I") and slot.offset not in driven
+            and (kept is None or slot.offset in kept)}
+    names = [f"{tag.name} ({tag.address})" for _, tag in sorted(tags.items())]
+    return [f"nothing writes the inputs {', '.join(names)}: they stay as at the start"] \
+        if names else []
 
 
 def backwards(graph: StateGraph, goal: Iterable[int]) -> set[int]:

@@ -6,8 +6,8 @@ is the real scan, so that what is proved is what runs.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable, Sequence
-from typing import Protocol, TypeVar, runtime_checkable
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 S = TypeVar("S", bound=Hashable)
 A = TypeVar("A", bound=Hashable)
@@ -27,6 +27,38 @@ class TransitionSystem(Protocol[S, A]):
 
     def next(self, state: S, action: A) -> S:
         """The state after an action."""
+
+
+@runtime_checkable
+class Expanding(TransitionSystem[S, A], Protocol[S, A]):
+    """A transition system that is faster for many states at once than for one after another."""
+
+    def expand(self, states: Iterable[S]) -> Iterator[list[tuple[A, S]]]:
+        """For each state, its actions and the states after them."""
+
+    def future(self, state: S) -> Hashable:
+        """What decides how a run goes on: where it is equal, so are actions and next states."""
+
+
+class OneByOne(Generic[S, A]):
+    """Any transition system as one that is asked for many states at once.
+
+    Args:
+        system: which it is.
+    """
+
+    def __init__(self, system: TransitionSystem[S, A]) -> None:
+        self._system = system
+        self.initial, self.actions, self.next = system.initial, system.actions, system.next
+
+    def expand(self, states: Iterable[S]) -> Iterator[list[tuple[A, S]]]:
+        """For each state, its actions and the states after them."""
+        for state in states:
+            yield [(action, self.next(state, action)) for action in self.actions(state)]
+
+    def future(self, state: S) -> Hashable:
+        """The state itself."""
+        return state
 
 
 @runtime_checkable

@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plcemu.engine.releases import Releases, count_any
+from plcemu.engine.releases import Releases
+from plcemu.engine.timetable import count_any
 
 progressions = st.builds(Releases, st.integers(0, 40), st.integers(1, 30))
 instants = st.integers(0, 200)

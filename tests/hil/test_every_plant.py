@@ -14,7 +14,8 @@ from plant_sim.registry import PLANTS
 from plcemu.base.trace import Trace
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import load_config
-from plcemu.runtime.system import System, make_coupling, make_map
+from plcemu.runtime.system import System
+from plcemu.runtime.wiring import make_coupling, make_map
 
 PROGRAMS = ROOT / "il_programs"
 SYSTEMS = sorted(path.parent for path in PROGRAMS.glob("*/config.yaml")

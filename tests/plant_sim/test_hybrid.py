@@ -63,7 +63,7 @@ class Kettle(HybridPlant):
         if self.memory.numbers["whistle_ns"] > self.t_ns:
             yield Timer("whistle", self.memory.numbers["whistle_ns"])
 
-    def observe(self) -> dict[str, FactValue]:
+    def _observe(self) -> dict[str, FactValue]:
         return {"whistles": self.memory.flags["whistles"]}
 
     def report(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from plcemu.lang.compile import compile_program
 from plcemu.modbus import FAULT_OBJECT, STATE_OBJECT, Identity
 from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.plc import make_exchange
-from plcemu.runtime.system import make_tasks
+from plcemu.runtime.wiring import make_tasks
 
 TWO = ("PROGRAM one VAR n : INT; END_VAR n := n + 1; END_PROGRAM\n"
        "PROGRAM two VAR n : INT; state : INT := 7; END_VAR n := n + 1; END_PROGRAM\n")

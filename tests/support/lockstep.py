@@ -6,7 +6,8 @@ from typing import Any
 
 from hil.modbus_plant import ModbusPlant
 from plcemu.base.trace import Trace
-from plcemu.runtime.system import System, make_coupling, make_map
+from plcemu.runtime.system import System
+from plcemu.runtime.wiring import make_coupling, make_map
 
 
 def memory_frames(system: System, trace: Trace) -> list[Any]:
