@@ -12,7 +12,7 @@ from plcemu.runtime.second_opinion import Opinion, promela_of
 from plcemu.verify.prove import Prover, Result
 
 _SHOWN = 6
-"""Verdicts of different kinds on initial states that are named before the rest is counted."""
+"""Properties that are named with a reason before the rest is counted."""
 
 
 def write_promela(file: Path, prover: Prover, result: Result, title: str) -> list[str]:
@@ -20,8 +20,8 @@ def write_promela(file: Path, prover: Prover, result: Result, title: str) -> lis
     model = promela_of(prover, result, title, f"{file.stem}.plant.h")
     header = model.write(file)
     told = [f"written: {file} and {header}; its head says how it is run"]
-    return told + [f"  not asked of SPIN: {q.name}: {q.why_not}"
-                   for q in model.questions if q.why_not]
+    not_asked = [(q.name, q.why_not) for q in model.questions if q.why_not]
+    return told + [f"  not asked of SPIN: {line}" for line in _by_reason(not_asked)]
 
 
 def print_opinion(opinion: Opinion) -> None:
@@ -42,14 +42,9 @@ def print_opinion(opinion: Opinion) -> None:
                       _counted([r.ours for r in rows]) + ("  DIFFERS" if differs else ""),
                       style="bold red" if differs else "")
     out.print(table)
-    reasons: dict[str, list[str]] = {}
-    for row in opinion.rows:
-        if row.answer.reason:
-            reasons.setdefault(row.answer.reason, []).append(row.name)
-    for reason, of in reasons.items():
-        few = list(dict.fromkeys(of))
-        more = f" and {len(few) - _SHOWN} more" if len(few) > _SHOWN else ""
-        out.print(f"  no verdict of SPIN on {', '.join(few[:_SHOWN])}{more}: {reason}")
+    silent = [(row.name, row.answer.reason) for row in opinion.rows if row.answer.reason]
+    for line in _by_reason(silent):
+        out.print(f"  no verdict of SPIN on {line}")
     found = [row for row in asked if row.answer.path is not None]
     if found:
         out.print(f"  {len(found)} of SPIN's trails executed again by plcemu: each shows what "
@@ -61,6 +56,18 @@ def print_opinion(opinion: Opinion) -> None:
         if row.answer.path is not None:
             for line in row.answer.path.lines():
                 out.print(line)
+
+
+def _by_reason(rows: list[tuple[str, str]]) -> list[str]:
+    """Return names and reasons, names of one reason together, and not too many of them."""
+    reasons: dict[str, dict[str, None]] = {}
+    for name, reason in rows:
+        reasons.setdefault(reason, {})[name] = None
+    lines = []
+    for reason, names in reasons.items():
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        lines.append(f"{', '.join(list(names)[:_SHOWN])}{more}: {reason}")
+    return lines
 
 
 def _counted(verdicts: list[str]) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from plcemu.base.errors import PlcemuError
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoDeadlock, Reachable, Recurrence, StateGraph
 from plcemu.verify.cone import cone_of
@@ -124,10 +125,17 @@ class PromelaModel:
         self.text = "\n".join(self._lines()) + "\n"
 
     def write(self, file: Path) -> Path:
-        """Write the model to a file, and the plant's tables beside it; return where these are."""
+        """Write the model to a file, and the plant's tables beside it; return where these are.
+
+        Raises:
+            PlcemuError: a file cannot be written.
+        """
         header = file.with_name(self._header_name)
-        file.write_text(self.text, encoding="utf-8")
-        header.write_text(self.header, encoding="utf-8")
+        try:
+            file.write_text(self.text, encoding="utf-8")
+            header.write_text(self.header, encoding="utf-8")
+        except OSError as problem:
+            raise PlcemuError(f"{problem.filename}: {problem.strerror}") from None
         return header
 
     # ------------------------------------------------------------ what is asked, and of what
@@ -195,7 +203,7 @@ class PromelaModel:
         fair = " -f" if self.tables.names else ""
         yield f"/* {self._title}"
         yield " *"
-        yield " * Made by plcemu from the compiled program; the plant's tables are in "
+        yield " * Made by plcemu from the compiled program; the plant's tables are in"
         yield f" * {self._header_name}. What is seen in a scan is an assertion:"
         yield " *   spin -a MODEL"
         yield f" *   {_COMPILER} -DSAFETY -DNOCLAIM -o pan pan.c && ./pan -E"
@@ -380,11 +388,12 @@ class PromelaModel:
             return
         yield "before_plant = plant;"
         yield "plant = after_plant;"
-        same = " && ".join(["plant == before_plant"] + [
-            f"{c.name} == before_{c.name}" for c in self._kept()])
         yield "scans++;"
         yield "if"
-        yield f":: {same} -> skip"
+        yield ":: (plant == before_plant"
+        for cell in self._kept():
+            yield f"   && {cell.name} == before_{cell.name}"
+        yield "   ) -> skip"
         yield f":: else -> if :: scans < {SETTLES_WITHIN} -> goto scan"
         yield '           :: else -> printf("unsettled\\n"); assert(false) fi'
         yield "fi;"

@@ -50,7 +50,7 @@ class Term:
     @property
     def inner(self) -> str:
         """The text as an operand."""
-        return f"({self.text})" if self.op else self.text
+        return f"({self.text})" if self.op and self.op not in ("!", "~") else self.text
 
 
 def number(value: int, machine: str) -> Term:

@@ -44,6 +44,10 @@ class SpinError(PlcemuError):
     """SPIN is not there, or it or the compiler does not take the model."""
 
 
+class _TooLong(SpinError):
+    """A command took longer than it may."""
+
+
 @dataclass(slots=True)
 class Answer:
     """What SPIN says to a question.
@@ -70,12 +74,14 @@ class Costs:
         wall: the same by the clock.
         searches: how often `pan` was run.
         states: how many states it stored in all of them.
+        transitions: how many transitions it made.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     wall: dict[str, float] = field(default_factory=dict)
     searches: int = 0
     states: int = 0
+    transitions: int = 0
 
 
 class Found(NamedTuple):
@@ -125,9 +131,12 @@ class Spin:
         """Run a command in the folder; return what it prints, and note what it took."""
         before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
         timeout = SECONDS if self.limits.seconds is None else self.limits.seconds
-        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True,
-                              errors="replace", timeout=timeout, check=False,
-                              env={**os.environ, **(environment or {})})
+        try:
+            done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True,
+                                  errors="replace", timeout=timeout, check=False,
+                                  env={**os.environ, **(environment or {})})
+        except subprocess.TimeoutExpired:
+            raise _TooLong(f"SPIN's limit of {timeout:g} s was reached ({what})") from None
         after, costs = resource.getrusage(resource.RUSAGE_CHILDREN), self.costs
         used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         costs.seconds[what] = costs.seconds.get(what, 0.0) + used
@@ -159,12 +168,12 @@ class Spin:
             (self.folder / "model.pml.trail").unlink(missing_ok=True)
             try:
                 output = self._run("pan", ["./pan", *options], environment, may_fail=True)
-            except subprocess.TimeoutExpired as limit:
-                return Found(f"SPIN's limit of {limit.timeout:g} s was reached")
+            except _TooLong as limit:
+                return Found(str(limit))
             self.costs.searches += 1
             errors = re.search(r"errors: (\d+)", output)
-            states = re.search(r"(\d+) states, stored", output)
-            self.costs.states += int(states[1]) if states else 0
+            self.costs.states += _number(r"(\d+) states, stored", output)
+            self.costs.transitions += _number(r"(\d+) transitions", output)
             if errors is None:
                 raise SpinError(f"pan ends without a verdict: {output.strip()[:2000]}")
             if errors[1] != "0":
@@ -257,6 +266,11 @@ class Spin:
     def _error(self, prover: Prover, question: Question, found: Found) -> Answer:
         path = replayed(prover, self.model, question, found)
         return Answer(question, HOLDS if question.holds_if_found else VIOLATED, "", path)
+
+
+def _number(pattern: str, output: str) -> int:
+    found = re.search(pattern, output)
+    return int(found[1]) if found else 0
 
 
 def tool(*names: str) -> str:
