@@ -10,8 +10,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from itertools import compress
-from operator import itemgetter, ne
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from plant_sim.contract import Plant, PortValue
@@ -97,9 +96,6 @@ class Coupling:
         self.plant = plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self._per = time_scale.as_integer_ratio()
-        self._seen: tuple[PortValue | None, ...] = (None,) * len(self.inputs)
-        self._pick = picker([point.name for point in self.inputs])
-        self._raw = [0] * len(self.inputs)
         self._known: list[dict[PortValue, int]] = [{} for _ in self.inputs]
         self._origin_ns = plant.t_ns
         self._outputs_before: Sequence[int] | None = None
@@ -161,7 +157,7 @@ class Coupling:
 
     def advance(self, t_ns: int, at_release: bool = True) -> None:
         """Bring the plant to an instant of the PLC's time; at a release, delayed outputs act."""
-        target = self.plant_time_ns(t_ns)
+        target = self._origin_ns + t_ns * self._per[0] // self._per[1]
         if target > self.plant.t_ns:
             try:
                 self.plant.advance(target)
@@ -179,25 +175,19 @@ class Coupling:
         except Exception as problem:
             raise self._failure(problem) from problem
 
-    def give_inputs(self, sensed: Mapping[str, PortValue] | None = None) -> list[int]:
-        """Return the raw values of the inputs, in the order of `inputs`.
+    def give_inputs(self) -> list[int]:
+        """Return the raw values of the inputs, in the order of `inputs`."""
+        sensed = self.sense()
+        return [self.to_raw(n, sensed[point.name]) for n, point in enumerate(self.inputs)]
 
-        Args:
-            sensed: what `sense` returned just now, where it is known.
-        """
-        values = self._pick(self.sense() if sensed is None else sensed)
-        for n in compress(range(len(values)), map(ne, values, self._seen)):
-            self._raw[n] = self._converted(n, self.inputs[n], values[n])
-        self._seen = values
-        return list(self._raw)
-
-    def _converted(self, n: int, point: Point, value: PortValue) -> int:
+    def to_raw(self, n: int, value: PortValue) -> int:
+        """Return the raw value of an input, by its number, for a reading of its sensor."""
         known = self._known[n]
         raw = known.get(value)
         if raw is None:
             if len(known) >= _KNOWN_LIMIT:
                 known.clear()
-            raw = known[value] = point.to_raw(value)
+            raw = known[value] = self.inputs[n].to_raw(value)
         return raw
 
     def _failure(self, problem: Exception) -> PlantFailure:

@@ -267,7 +267,8 @@ class HybridPlant(ABC):
 
     def next_event_ns(self) -> int | None:
         """Earliest instant after now at which a watched reading or a fact changes."""
-        self._read()
+        if self._moved or self._t_ns >= self._change_ns:
+            self._read()
         if self._event_ns <= self._t_ns:
             self._event_ns = self._look_for_event()
         return self._event_ns if self._event_ns < NEVER_NS else None
@@ -355,15 +356,17 @@ class HybridPlant(ABC):
         """Bring the counts of the watched sensors up to the present instant."""
         if self._t_ns < self._change_ns and not self._moved:
             return
-        t_ns, lines, moved = self._t_ns, self._lines, self._moved
-        for name, change_ns in self._changes.items():
-            if change_ns <= t_ns or (moved and not moved.isdisjoint(self._sources[name])):
-                count, self._changes[name] = self._readings[name].read(lines, t_ns)
-                self._counts[name] = count
-                top, bottom = self._resolutions[name]
-                self._values[name] = bool(count) if not bottom else count * top / bottom
-        moved.clear()
-        self._change_ns = min(self._changes.values(), default=NEVER_NS)
+        t_ns, lines, moved, changes = self._t_ns, self._lines, self._moved, self._changes
+        due = [name for name, change_ns in changes.items() if change_ns <= t_ns]
+        if moved:
+            due += [name for name in changes if not moved.isdisjoint(self._sources[name])]
+            moved.clear()
+        for name in due:
+            count, changes[name] = self._readings[name].read(lines, t_ns)
+            self._counts[name] = count
+            top, bottom = self._resolutions[name]
+            self._values[name] = bool(count) if not bottom else count * top / bottom
+        self._change_ns = min(changes.values(), default=NEVER_NS)
 
     def _look_for_event(self) -> int:
         """The next visible change, looking through mode ends that show nothing."""

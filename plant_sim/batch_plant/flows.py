@@ -129,17 +129,18 @@ def _givers(
 
 def _flows(plant: BatchTanks, givers: set[str], thermal: Mapping[str, str]) -> list[Flow]:
     on, rates = plant.actuators, plant.units.rates
+    open_now = {name for name, value in on.items() if value}
     flows = [
         Flow(transfer.name, transfer.source, transfer.sink, rates[transfer.name], transfer)
         for transfer in TRANSFERS
-        if transfer.source in givers and all([on[name] for name in transfer.actuators])
+        if transfer.source in givers and open_now.issuperset(transfer.actuators)
     ]
-    if any(on[wear] for wear in WEARS):
+    if not open_now.isdisjoint(WEARS):
         flows = [_worn(flow, on) for flow in flows]
     if thermal.get(HEATED) == "boiling":
         flows.append(Flow(STEAM, HEATED, CONDENSATE, rates[STEAM], None))
     for tank, port in LEAKS.items():
-        if on[port] and tank in givers:
+        if port in open_now and tank in givers:
             rate = plant.units.of_litres(exact(on[port]) / NS_PER_S)
             flows.append(Flow(f"{tank} {LEAK}", tank, SPILL, rate, None))
     return flows

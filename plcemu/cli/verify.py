@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,8 @@ from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
 from plcemu.cli.spin import print_opinion, write_promela
-from plcemu.runtime.config import load_config
+from plcemu.runtime.config import Config, load_config
+from plcemu.runtime.counterexamples import save_counterexample
 from plcemu.runtime.second_opinion import ask_spin
 from plcemu.runtime.verification import fires_once, limits_of, make_prover
 from plcemu.verify.explore import Progress
@@ -42,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="prove only this property; may be given several times")
     parser.add_argument("--save", metavar="FOLDER", type=Path,
                         help="write each counterexample as a scenario, NAME.yaml, for "
-                        "simulate --no-plant --scenario")
+                        "simulate --no-plant --scenario, and its property, NAME.prop")
     parser.add_argument("--spin", action="store_true", help="let the model checker SPIN judge a "
                         "model of the closed loop as well, and compare (needs spin and gcc)")
     parser.add_argument("--promela", metavar="FILE", type=Path,
@@ -62,8 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
             console().print(line)
         return 0
     opinion = ask_spin(prover, result, config.name, limits_of(config)) if arguments.spin else None
-    once = " --set sipn_single_firing=true" if fires_once(config) else ""
-    saved = _save(arguments.save, result, prover, once) if arguments.save else []
+    saved = _save(arguments, config, result, prover) if arguments.save else []
     if arguments.json:
         document = document_of(config.name, result)
         print_json(document if opinion is None else {**document, "spin": opinion.as_json()})
@@ -86,19 +87,22 @@ def _fails(proof: Proof, names: list[str] | None) -> bool:
     return verdict == VIOLATED
 
 
-def _save(folder: Path, result: Result, prover: Prover, options: str) -> list[str]:
+def _save(arguments: argparse.Namespace, config: Config, result: Result,
+          prover: Prover) -> list[str]:
     """Write the counterexamples as scenarios; return how each is played."""
+    given = "".join(f" --set {shlex.quote(override)}" for override in arguments.overrides)
+    if fires_once(config):
+        given += " --set sipn_single_firing=true"
     told = []
     for proof in result.proofs:
-        path = proof.path
-        if path is None or proof.finding.verdict != VIOLATED:
+        saved = save_counterexample(arguments.save, proof, prover)
+        if saved is None:
             continue
-        file = folder / f"{proof.name}.yaml"
-        text = f"Counterexample to {proof.name}: {proof.formula}, from {path.start}"
-        file.write_text(path.scenario(text, prover.loop.inputs), encoding="utf-8")
-        until = format_duration(path.ends_at_ns + path.cycle_ns)
-        told.append(f"written: {file}; plays with: plcemu simulate CONFIG --no-plant --scenario "
-                    f"{file} --until {until}{options}")
+        judged = f" --set properties={shlex.quote(str(saved.properties))}" \
+            if saved.properties else ""
+        told.append(f"written: {saved.scenario}; plays with: plcemu simulate "
+                    f"{shlex.quote(arguments.config or '.')}{given}{judged} --no-plant --scenario "
+                    f"{shlex.quote(str(saved.scenario))} --until {format_duration(saved.until_ns)}")
     return told
 
 

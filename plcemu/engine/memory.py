@@ -112,7 +112,7 @@ class Memory:
         if not difference:
             return ()
         block = self.block
-        # Mostly a few neighbouring bytes differ, and the same ones in the same bits again and again.
+        # Mostly a few neighbouring bytes differ, and the same bits of them again and again.
         first = (difference & -difference).bit_length() - 1 >> 3
         stretch = difference >> 8 * first
         changed = self._known.get((first, stretch))

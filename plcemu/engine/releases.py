@@ -19,8 +19,8 @@ class Releases:
 
     def first(self, not_before_ns: int) -> int:
         """Return the first one not before an instant."""
-        since = max(0, not_before_ns - self.start)
-        return self.start + -(-since // self.step) * self.step
+        start, step = self.start, self.step
+        return start - (start - not_before_ns) // step * step if not_before_ns > start else start
 
     def last(self, before_ns: int) -> int:
         """Return the last one before an instant; -1 if there is none."""
@@ -29,10 +29,9 @@ class Releases:
 
     def count(self, first_ns: int, before_ns: int) -> int:
         """Return how many lie in [first, before)."""
-        return max(0, self._before(before_ns) - self._before(first_ns))
-
-    def _before(self, t_ns: int) -> int:
-        return max(0, -((self.start - t_ns) // self.step))
+        start, step = self.start, self.step
+        first, end = -((start - first_ns) // step), -((start - before_ns) // step)
+        return max(0, end - max(0, first))
 
     def within(self, first_ns: int, before_ns: int) -> range:
         """Return those in [first, before)."""

@@ -20,7 +20,7 @@ from plcemu.engine.jitter import Jitter
 from plcemu.engine.memory import Memory
 from plcemu.engine.tasks import TaskState, prepare
 from plcemu.engine.timetable import together
-from plcemu.ir.program import Program, Task
+from plcemu.ir.program import Event, Program, Task
 from plcemu.ir.shape import match
 
 
@@ -198,28 +198,26 @@ class Resource:
                 self._expect(elapsed)
         if elapsed:
             self.engine.advance_clocks(elapsed)
+        if now_ns is None:
+            self._left, self._within = bytes(self.memory.block), _UNKNOWN
         for state in self._tasks:
             if state.releases.is_due(t_ns):
-                if self._is_wanted(state):
+                if state.task.event is None or self._is_wanted(state.task.event, state):
                     run(state, t_ns)
                 else:
                     state.quiet = state.still = True
                 if self.state is not State.RUN:
                     break
-        if now_ns is None:
-            self._left, self._within = bytes(self.memory.block), _UNKNOWN
 
-    def _is_wanted(self, state: TaskState) -> bool:
-        """Whether a task is to run at its release: always, unless it has an event (table 50)."""
-        event = state.event
-        if event is None:
-            return True
+    def _is_wanted(self, event: Event, state: TaskState) -> bool:
+        """Whether a task with an event is to run at its release (table 50)."""
         block = self.memory.block
         trigger, before = block[event.trigger], block[event.seen]
         if not state.looks_for_event:
             return not trigger
         if trigger != before:
             block[event.seen] = trigger
+            self._left = bytes(block)
             self._wake()
         return trigger > before
 
@@ -278,9 +276,9 @@ class Resource:
 
     def _run_compared(self, state: TaskState, t_ns: int) -> None:
         """Run a task; note whether that changed anything, and whether more than elapsed times."""
-        before = bytes(self.memory.block)
+        before = self._left
         self._run(state, t_ns)
-        after = bytes(self.memory.block)
+        after = self._left = bytes(self.memory.block)
         if after == before:
             state.quiet = state.still = True
             return
@@ -317,7 +315,7 @@ class Resource:
         return Rest(False, (self._last_ns or 0) + within) if within else None
 
     def is_quiet(self) -> bool:
-        """Whether scans at later releases would change nothing while the inputs stay as they are."""
+        """Whether scans at later releases would change nothing while the inputs stay so."""
         rest = self.rest()
         return rest is not None and rest.still
 
@@ -338,12 +336,20 @@ class Resource:
             statistics.missed += lost
             statistics.overruns += lost > 0
 
-    def passed_over(self, first_ns: int, before_ns: int) -> None:
-        """Count the runs in [first, before) that were not made because they change nothing."""
+    def pass_over(self, first_ns: int, before_ns: int) -> int:
+        """Count the runs in [first, before) that are not made because they change nothing.
+
+        Returns:
+            How many instants in [first, before) release a task.
+        """
+        releases = self._releases
+        passed = releases.count(first_ns, before_ns)
         for state in self._tasks if self.state is State.RUN else ():
-            event = state.event
+            event = state.task.event
             if event is None or not (state.looks_for_event or self.memory.block[event.trigger]):
-                state.statistics.scans += state.releases.count(first_ns, before_ns)
+                state.statistics.scans += passed if state.releases is releases else \
+                    state.releases.count(first_ns, before_ns)
+        return passed
 
     def inputs_changed(self) -> None:
         """Tell that memory was written from outside, so that scans matter again."""

@@ -10,7 +10,7 @@ from plcemu.engine.engines import Code, Engine
 from plcemu.engine.jitter import Jitter, JitteredReleases
 from plcemu.engine.releases import Releases
 from plcemu.engine.statistics import TaskStatistics
-from plcemu.ir.program import Event, Instance, Program, Task
+from plcemu.ir.program import Instance, Program, Task
 
 
 @dataclass(slots=True)
@@ -37,11 +37,6 @@ class TaskState:
     looks_for_event: bool = False
     quiet: bool = False
     still: bool = False
-
-    @property
-    def event(self) -> Event | None:
-        """The event of the task, if it has one."""
-        return self.task.event
 
 
 def prepare(program: Program, tasks: Sequence[Task], cycle_ns: int, engine: Engine,

@@ -128,10 +128,10 @@ class _Part(NamedTuple):
 
 
 def _part(extent: Extent) -> _Part:
-    to_image, to_memory = extent.to_image, extent.to_memory
+    places = extent.memory_slice, extent.image_slice
     if extent.count == 1 and not extent.is_bits:
-        to_image = to_memory = _reversed
-    return _Part(extent.memory_slice, extent.image_slice, to_image, to_memory)
+        return _Part(*places, _reversed, _reversed)
+    return _Part(*places, extent.to_image, extent.to_memory)
 
 
 def _reversed(element: bytes) -> bytes:
@@ -212,11 +212,12 @@ class Port:
             ValueError: the mask is not as long as the data.
             LimitError: `PENDING_LIMIT` writes wait for the next scan already.
         """
-        self._exchange.check_place(area, offset, len(data))
+        exchange = self._exchange
+        exchange.check_place(area, offset, len(data))
         if mask is not None and len(mask) != len(data):
             raise ValueError(f"a mask of {len(mask)} bytes for {len(data)} bytes of data")
         write = _Write(self, area, offset, bytes(data), mask)
-        self._exchange.queue(write)
+        exchange.queue(write)
         self._pending.append(write)
 
     @property
@@ -401,14 +402,17 @@ class Exchange:
         if area == MEMORY:
             _merge(self._memory, offset, data, mask)
             return
-        parts, whole = self._target(area, offset, len(data))
+        parts, whole = self._targets.get((area, offset, len(data))) or \
+            self._target(area, offset, len(data))
         image, memory, shown = self._image[area], self._memory, self._shown
-        if mask is not None or not whole:
-            for part in parts:
-                image[part.in_image] = part.to_image(bytes(memory[part.in_memory]))
         if mask is None:
+            if not whole:
+                for part in parts:
+                    image[part.in_image] = part.to_image(bytes(memory[part.in_memory]))
             image[offset:offset + len(data)] = data
         else:
+            for part in parts:
+                image[part.in_image] = part.to_image(bytes(memory[part.in_memory]))
             _merge(image, offset, data, mask)
         for in_memory, in_image, _, to_memory in parts:
             raw = memory[in_memory] = to_memory(bytes(image[in_image]))
@@ -418,16 +422,14 @@ class Exchange:
             self.version += 1
 
     def _target(self, area: str, offset: int, n: int) -> _Target:
-        """Return what a write of `n` bytes touches; the same few come again and again."""
-        target = self._targets.get((area, offset, n))
-        if target is None:
-            if len(self._targets) >= TARGETS_LIMIT:
-                self._targets.clear()
-            found = [self._extents[k].part(offset, offset + n) for k in self._by_area.get(area, ())]
-            parts = tuple(_part(part) for part in found if part is not None)
-            whole = all(offset <= part.in_image.start and part.in_image.stop <= offset + n
-                        for part in parts)
-            target = self._targets[area, offset, n] = _Target(parts, whole)
+        """Find what a write of `n` bytes touches; the same few come again and again."""
+        if len(self._targets) >= TARGETS_LIMIT:
+            self._targets.clear()
+        found = [self._extents[k].part(offset, offset + n) for k in self._by_area.get(area, ())]
+        parts = tuple(_part(part) for part in found if part is not None)
+        whole = all(offset <= part.in_image.start and part.in_image.stop <= offset + n
+                    for part in parts)
+        target = self._targets[area, offset, n] = _Target(parts, whole)
         return target
 
     def update_outputs(self) -> None:

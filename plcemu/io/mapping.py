@@ -70,10 +70,11 @@ class Point:
     def image_write(self, raw: int) -> tuple[str, int, bytes, bytes | None]:
         """Return (area, byte offset, data, mask) that put a raw value into the image."""
         area, index = self.address.area, self.address.index
-        if self.is_bit:
+        width = SIZES[area[1]]
+        if area[1] == "X":
             bit = 1 << index % 8
             return area, index // 8, bytes([bit if raw else 0]), bytes([bit])
-        return area, index * self.width, raw.to_bytes(self.width, "big"), None
+        return area, index * width, raw.to_bytes(width, "big"), None
 
     def image_place(self) -> tuple[str, int, int]:
         """Return (area, byte offset, bytes) of the value in the image."""

@@ -48,23 +48,50 @@ class Precedence:
 
     def step(self, frame: Frame, now: Values, before: Values, sure: bool) -> int | None:
         """Take the values from an instant on; before it lie the values `before`."""
-        t_ns, last_ns = frame.t_ns, self._t_ns
-        if last_ns is not None and last_ns < t_ns - 1:
+        t_ns, premise, goal = frame.t_ns, self.premise, self.goal
+        if sure and self._held_ns == self._perhaps_ns and UNSURE not in (self._p, self._q):
+            return self._quick(t_ns, now, before)
+        if self._t_ns is not None:
             self._pass(t_ns - 1)
-        premise, goal = self.premise, self.goal
         if premise is not None:
-            self._p = _value(premise, now, before, sure)
-        self._q = _value(goal, now, before, sure)
+            self._p = _value(premise, now, before)
+        self._q = _value(goal, now, before)
         self._pass(t_ns)
-        if self._p == YES and self._is_broken(t_ns):
+        if self._is_broken(t_ns):
             self.trigger_ns = t_ns
             return NO
         # A pulse is over in the next ns.
         if premise is not None and premise.pulsed:
-            self._p = _value(premise, now, now, sure)
+            self._p = _value(premise, now, now)
         if goal.pulsed:
-            self._q = _value(goal, now, now, sure)
+            self._q = _value(goal, now, now)
         self._foresee()
+        return None
+
+    def _quick(self, t_ns: int, now: Values, before: Values) -> int | None:
+        """Take p and q where both are known and nothing has been in doubt since q held last."""
+        premise, goal = self.premise, self.goal
+        if self._t_ns is not None and self._t_ns < t_ns - 1:
+            self._was = (self._q if premise is None else self._p) == YES
+            if self._q == YES:
+                self._held_ns = t_ns - 1
+        p = premise is None or premise.holds(now, before)
+        q = goal.holds(now, before)
+        holds = bool(q if premise is None else p)
+        self.triggers += holds and not self._was
+        self._was, self._t_ns = holds, t_ns
+        if q:
+            self._held_ns = t_ns
+        held_ns = self._perhaps_ns = self._held_ns
+        if p and not self._covers(held_ns, t_ns):
+            self.trigger_ns = t_ns
+            return NO
+        if premise is not None and premise.pulsed:
+            p = premise.holds(now, now)
+        if goal.pulsed:
+            q = goal.holds(now, now)
+        self._p, self._q = YES if p else NO, YES if q else NO
+        self.deadline_ns = self._end_ns(t_ns, held_ns) if p and not q else None
         return None
 
     def _pass(self, t_ns: int) -> None:
@@ -127,8 +154,6 @@ class Precedence:
         return ()
 
 
-def _value(state: State, now: Values, before: Values, sure: bool) -> int:
-    if sure:
-        return YES if state.holds(now, before) else NO
+def _value(state: State, now: Values, before: Values) -> int:
     found = state.kleene(now, before)
     return UNSURE if found is None else YES if found else NO

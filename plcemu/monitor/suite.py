@@ -65,6 +65,8 @@ class Suite:
         self._moved = self._restless = 0
         self._standing = [Verdict.INCONCLUSIVE] * len(self._watches)
         self._verdicts = [Verdict.INCONCLUSIVE.value] * len(self._watches)
+        # Which open properties are told of every scan, also of one that changed nothing.
+        self._every = 0
         self._index()
 
     def observe(self, frame: Frame) -> None:
@@ -102,6 +104,8 @@ class Suite:
                     before[index] = value
             if len(self._frames) >= EXCERPT:
                 self._turn()
+        elif self._every:
+            self._step(frame, self._every)
         elif wake_ns is None:
             return
         if self._wake_ns is not None and self._wake_ns <= t_ns:
@@ -310,6 +314,7 @@ class Suite:
     def _index(self) -> None:
         """Note for each tag, as a bit mask, which open properties look at it."""
         every = sum(1 << i for i, watch in enumerate(self._open) if watch.every_frame)
+        self._every = every
         self._masks = [every] * len(self._now)
         self._read = tuple({index for watch in self._open for index in watch.tags_used})
         self._touched.clear()

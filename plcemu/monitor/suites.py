@@ -150,8 +150,12 @@ class Suites:
 
     def next_deadline_ns(self) -> int | None:
         """Return the first instant at which a verdict falls if nothing changes, in ns."""
-        deadlines = [t for m in self._members if (t := m.suite.next_deadline_ns()) is not None]
-        return min(deadlines, default=None)
+        first = None
+        for member in self._members:
+            t_ns = member.suite.next_deadline_ns()
+            if t_ns is not None and (first is None or t_ns < first):
+                first = t_ns
+        return first
 
     @property
     def undecided(self) -> int:

@@ -274,8 +274,6 @@ class Cycle:
             self.plant.before_scan(t_ns)
         if self.player is not None:
             self.player.before_scan(t_ns)
-        if self.exchange.waiting:
-            self.resource.inputs_changed()
         self.exchange.update_inputs()
         self.resource.scan(t_ns, now_ns)
         self.exchange.update_outputs()
@@ -327,18 +325,16 @@ class Cycle:
                         if new != old and i not in told]
             self._times_run, self._times = now != self._times, now
         last = self._last
-        for n, values in enumerate(self._ask):
-            now = values()
-            if now is not last[n]:
-                changes += self._moved(n, now)
+        for n, ask in enumerate(self._ask):
+            values = ask()
+            if values is not last[n]:
+                changes += self._moved(n, values)
         return tuple(changes)
 
     def _moved(self, n: int, now: Sequence[Value | None]) -> list[Change]:
         """Return the changed values of the source number `n`; the verdicts are the last one."""
         before, base = self._last[n], self._bases[n]
         self._last[n] = now
-        if now == before:
-            return []
         return list(compress(enumerate(now, base), map(ne, now, before)) if before
                     else enumerate(now, base))
 
@@ -399,8 +395,8 @@ class Cycle:
                 (self.reactions is not None and self.reactions.must_look()):
             return
         rest = resource.rest()
-        if rest is None or not rest.still and (self.observers or self.recorder
-                                               or self._elapsed_judged):
+        if rest is None or (not rest.still and (self.observers or self.recorder
+                                               or self._elapsed_judged)):
             return
         wakes = [limit_ns, self.suite.next_deadline_ns(), rest.until_ns,
                  self.plant.next_event_ns() if self.plant is not None else None,
@@ -411,13 +407,14 @@ class Cycle:
         if target > self.t_ns and not rest.still:
             target = resource.last_of_each_ns(self.t_ns, target)
         if target > self.t_ns:
-            skipped = resource.releases_between(self.t_ns, target)
+            skipped = resource.pass_over(self.t_ns, target)
             self.counters.skipped += skipped
-            self.pass_over(target, self.scan_number + skipped)
+            self.now_ns = self.t_ns = target
+            self.scan_number += skipped
 
     def pass_over(self, t_ns: int, scan_number: int) -> None:
         """Move to a later release without executing those before it, which would change nothing."""
-        self.resource.passed_over(self.t_ns, t_ns)
+        self.resource.pass_over(self.t_ns, t_ns)
         self.now_ns = self.t_ns = t_ns
         self.scan_number = scan_number
 

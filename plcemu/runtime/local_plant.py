@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import compress
 from operator import ne
 from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
 from hil.coupling import Coupling, picker
-from plant_sim.contract import PortValue
 from plcemu.base.tags import Tag
 from plcemu.base.types import Value
 from plcemu.io.exchange import Exchange
@@ -26,7 +25,7 @@ class Checkpoint(NamedTuple):
 
     coupling: CouplingCheckpoint
     stepped_aside: bool
-    written: tuple[int | None, ...]
+    written: tuple[int, ...]
     values: tuple[Value, ...]
     event_ns: int | None
     pending: tuple[tuple[str, int, bytes, bytes | None], ...]
@@ -50,7 +49,8 @@ class LocalPlant:
         self.stepped_aside = False
         self._exchange = exchange
         self._port = exchange.port(self.PORT)
-        self._written: Sequence[int | None] = [None] * len(coupling.inputs)
+        self._written: list[int] = []
+        self._only_self = {self.PORT}
         self._version = -1
         plant = coupling.plant
         wired = {p.name for p in coupling.inputs}
@@ -59,10 +59,12 @@ class LocalPlant:
                      for p in sensors]
         self.tags += [Tag(f"plant.{f.name}", _TYPES[f.kind], f.unit, comment=f.description)
                       for f in plant.facts]
+        numbers = {p.name: n for n, p in enumerate(coupling.inputs)}
+        self._inputs = [numbers[p.name] for p in sensors]
+        """The number of the input that each sensor's reading goes to."""
         self._pick_sensors = picker([p.name for p in sensors])
         self._pick_facts = picker([f.name for f in plant.facts])
-        self._values: tuple[Value, ...] = ()
-        self._read()
+        self._values = self._read()
         self._event_ns = coupling.next_event_ns()
 
     def values(self) -> tuple[Value, ...]:
@@ -79,25 +81,29 @@ class LocalPlant:
         if self.stepped_aside:
             return
         self.coupling.advance(t_ns)
-        if self._event_ns is not None and t_ns >= self._event_ns:
+        event_ns = self._event_ns
+        if event_ns is not None and t_ns >= event_ns:
             self._refresh()
-        elif self._written[:1] == [None]:
-            self._write(self.coupling.sense())
+        if not self._written:
+            self._written = self.coupling.give_inputs()
+            for n, raw in enumerate(self._written):
+                self._port.write(*self.coupling.inputs[n].image_write(raw))
 
     def after_scan(self) -> None:
         """Let the plant follow the published outputs; note a take-over by a client."""
         if self.stepped_aside:
             return
-        if self._exchange.writers and self._is_taken_over():
+        exchange = self._exchange
+        if exchange.writers and exchange.writers != self._only_self and self._is_taken_over():
             return
-        version = self._exchange.version
+        version = exchange.version
         if version != self._version:
             self._version = version
             if self.coupling.take_outputs(self._published(self.coupling.outputs)):
                 self._refresh()
 
     def _is_taken_over(self) -> bool:
-        others = self._exchange.writers - {self.PORT}
+        others = self._exchange.writers - self._only_self
         if others and self._published(self.coupling.inputs) != self._written:
             self.stepped_aside = True
             self._event_ns = None
@@ -114,7 +120,7 @@ class LocalPlant:
         """Take up the state of a checkpoint, after the exchange has returned to its own."""
         self.coupling.return_to(point.coupling)
         self.stepped_aside, self._event_ns = point.stepped_aside, point.event_ns
-        self._written, self._values = point.written, point.values
+        self._written, self._values = list(point.written), point.values
         self._version = -1
         for write in point.pending:
             self._port.write(*write)
@@ -127,19 +133,21 @@ class LocalPlant:
         return self._event_ns
 
     def _refresh(self) -> None:
-        self._write(self._read())
+        """Read the plant anew; queue the inputs whose raw values changed."""
+        before, values = self._values, self._read()
+        if values != before:
+            self._values = values
+            for sensor in compress(range(len(self._inputs)), map(ne, values, before)):
+                self._give(self._inputs[sensor], values[sensor])
         self._event_ns = self.coupling.next_event_ns()
 
-    def _write(self, sensed: Mapping[str, PortValue]) -> None:
-        raw, written = self.coupling.give_inputs(sensed), self._written
-        for n in compress(range(len(raw)), map(ne, raw, written)):
-            self._port.write(*self.coupling.inputs[n].image_write(raw[n]))
-        self._written = raw
+    def _give(self, n: int, reading: Value) -> None:
+        raw = self.coupling.to_raw(n, reading)
+        if self._written and raw != self._written[n]:
+            self._written[n] = raw
+            self._port.write(*self.coupling.inputs[n].image_write(raw))
 
-    def _read(self) -> Mapping[str, PortValue]:
-        """Bring the tags' values up to date; return the readings among them."""
-        sensed, facts = self.coupling.sense(), self.coupling.plant.observe()
-        values = self._pick_sensors(sensed) + self._pick_facts(facts)
-        if values != self._values:
-            self._values = values
-        return sensed
+    def _read(self) -> tuple[Value, ...]:
+        """Return the present values of the tags."""
+        return self._pick_sensors(self.coupling.sense()) + \
+            self._pick_facts(self.coupling.plant.observe())

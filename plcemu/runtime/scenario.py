@@ -7,7 +7,7 @@ checker's counterexample are the same kind of file, and `simulate` plays all of 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -19,6 +19,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from plant_sim.contract import Plant
 from plant_sim.faults import FAULTS, FaultError, Injection, check, name_of
 from plcemu.base.errors import ConfigError, PlcemuError
+from plcemu.base.tags import Tag
 from plcemu.base.time import NS_PER_S, DurationError, parse_duration_ns
 from plcemu.base.types import Value
 from plcemu.engine.resource import Resource
@@ -27,6 +28,7 @@ from plcemu.runtime.access import TagAccess
 from plcemu.runtime.config import Duration, Section, Texts, problem_text
 from plcemu.runtime.yamltext import KeyPath, read_yaml_value
 
+_FACT_TYPES: dict[type, str] = {bool: "BOOL", int: "LINT", float: "LREAL", str: "STRING"}
 STEPS_LIMIT = 100_000
 """Steps that one run may have."""
 
@@ -282,6 +284,45 @@ def _disturbances(plant: Plant | None) -> dict[str, str]:
 # ---------------------------------------------------------------- what concerns the PLC
 
 
+class PlayedFacts:
+    """What a scenario says of a plant that is not in this process: tags such as `plant.overflow`.
+
+    With them a checker's counterexample is judged as it was found, without its plant.
+
+    Args:
+        scenario: which sets them; where it does not yet, they are FALSE or 0.
+        known: the tags of the PLC, which are none of these.
+
+    Raises:
+        ConfigError: a fact gets values of different types.
+    """
+
+    def __init__(self, scenario: Scenario = Scenario(),
+                 known: Container[str] = ()) -> None:
+        types: dict[str, type] = {}
+        for step in scenario.steps:
+            for name, value in step.sets:
+                if name.startswith(PLANT) and name not in known \
+                        and types.setdefault(name, type(value)) is not type(value):
+                    raise ConfigError([f"{step.where}: {name} gets values of different types"])
+        self.tags = [Tag(name, _FACT_TYPES[type_], comment="as the scenario says")
+                     for name, type_ in types.items()]
+        self.names = tuple(types)
+        self._values: tuple[Value, ...] = tuple(type_() for type_ in types.values())
+
+    def values(self) -> Sequence[Value]:
+        """The values now."""
+        return self._values
+
+    def take(self, name: str, value: Value) -> bool:
+        """Take a value, if it is one of a fact."""
+        if name not in self.names:
+            return False
+        at = self.names.index(name)
+        self._values = (*self._values[:at], value, *self._values[at + 1:])
+        return True
+
+
 class Player:
     """Writes and forces tags of a PLC when a scenario says so.
 
@@ -293,6 +334,7 @@ class Player:
         exchange: of the PLC.
         plant: the plant in this process, whose disturbances are no tags of the PLC.
         driven: addresses that this plant drives, which a scenario cannot write.
+        facts: what the scenario says of a plant that is not here.
 
     Attributes:
         played: steps played so far.
@@ -304,8 +346,10 @@ class Player:
     PORT = "scenario"
 
     def __init__(self, scenario: Scenario, resource: Resource, exchange: Exchange,
-                 plant: Plant | None = None, driven: Mapping[str, str] | None = None) -> None:
+                 plant: Plant | None = None, driven: Mapping[str, str] | None = None,
+                 facts: PlayedFacts | None = None) -> None:
         self._resource = resource
+        self._facts = facts or PlayedFacts()
         self._access = TagAccess(resource.memory, exchange, self.PORT)
         own = _disturbances(plant)
         if plant is None and (faults := [s for s in scenario.steps if s.injection is not None]):
@@ -326,6 +370,8 @@ class Player:
         """Return what is wrong with a step: every write is tried without being made."""
         problems = []
         for name, value in (*sets, *step.forces):
+            if name in self._facts.names:
+                continue
             try:
                 address = self._access.check(name, value)
             except PlcemuError as problem:
@@ -351,7 +397,8 @@ class Player:
             step, sets = self._steps[self.played]
             self.played += 1
             for name, value in sets:
-                self._access.write(name, value)
+                if not self._facts.take(name, value):
+                    self._access.write(name, value)
             for name, value in step.forces:
                 self._access.force(name, value)
             for name in step.unforces:

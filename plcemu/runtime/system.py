@@ -35,7 +35,7 @@ from plcemu.runtime.cycle import Cycle
 from plcemu.runtime.local_plant import LocalPlant
 from plcemu.runtime.recordings import Recordings
 from plcemu.runtime.retention import Retention, default_path
-from plcemu.runtime.scenario import Player, Scenario
+from plcemu.runtime.scenario import PlayedFacts, Player, Scenario
 from plcemu.runtime.wiring import (
     configured_scenario,
     make_coupling,
@@ -111,10 +111,13 @@ class System:
         self.plant = plant if with_plant else None
         self._facts = TagTable(plant.tags) if plant is not None and self.plant is None \
             else TagTable()
+        tags = TagTable(slot.tag for slot in program.layout.slots)
+        self._played = PlayedFacts(scenario, tags) if self.plant is None else PlayedFacts()
         self.properties, self.not_judged = self._judged(properties, program)
         self.recordings: Recordings | None = None
         self.reactions = make_reactions(config, self.properties, self.not_judged, self._record)
-        sources = [s for s in (self.retention, self.reactions.alarms) if s is not None]
+        sources = [s for s in (self.retention, self.reactions.alarms, self._played)
+                   if s is not None]
         try:
             self.cycle = Cycle(resource, self.exchange, self.plant, self.properties, sources)
         except CompileError:
@@ -155,7 +158,7 @@ class System:
         if not scenario:
             return None
         if self.plant is None:
-            return Player(scenario, resource, self.exchange)
+            return Player(scenario, resource, self.exchange, facts=self._played)
         coupling = self.plant.coupling
         driven = {str(point.address): point.name for point in coupling.inputs}
         return Player(scenario, resource, self.exchange, coupling.plant, driven)
@@ -168,7 +171,7 @@ class System:
     def _judged(self, properties: list[Property],
                 program: Program) -> tuple[list[Property], list[str]]:
         """Return the properties, and the names of those that speak of a plant not here."""
-        known = TagTable(slot.tag for slot in program.layout.slots)
+        known = TagTable([*(slot.tag for slot in program.layout.slots), *self._played.tags])
         absent = [p.name for p in properties
                   if any(ref.name in self._facts and ref.name not in known
                          for ref in tag_refs(p.formula))]

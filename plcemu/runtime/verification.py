@@ -86,7 +86,8 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
     if recorded:
         plant = RecordedPlant(plant)
     return Prover(make_resource(config, program), plant, inputs, outputs,
-                  config.cycle, properties, section.merge, _frozen(config), together)
+                  config.cycle, properties, section.merge, _frozen(config), section.fairness,
+                  together)
 
 
 def _plant(config: Config, program: Program

@@ -6,7 +6,7 @@ formula that no check of the table (`checks.py`) takes is inconclusive, never si
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -23,7 +23,7 @@ from plcemu.monitor.formula import (
     Unary,
     walk,
 )
-from plcemu.verify.explore import Graph, terminal
+from plcemu.verify.explore import Graph, Limits, terminal
 from plcemu.verify.fair import Lasso, fair_components, lasso, run_to
 from plcemu.verify.loop import ClosedLoop, State
 
@@ -46,6 +46,9 @@ class Finding:
             None if the run has no such scan.
         bad: the states from which on a run violates; None if it does not depend on them.
         remark: what is said of the run's last state, as no single run can show it; else empty.
+        decided: where in the run's last step it is decided, as the number of that step's scans,
+            None for all, and the ns after the last of them; None if `watched` tells, or nothing.
+        violated_from: the plant's initial states from which a run violates; None if `bad` tells.
     """
 
     verdict: str
@@ -56,6 +59,8 @@ class Finding:
     watched: int | None = None
     bad: set[int] | None = None
     remark: str = ""
+    decided: tuple[int | None, int] | None = None
+    violated_from: set[Hashable] | None = None
 
 
 @dataclass(slots=True)
@@ -68,6 +73,7 @@ class Evidence:
         first: the number of the check's first watched formula.
         first_tested: the number of the check's first tested formula.
         now: tells whether a watched formula holds in the last scan before a state.
+        limits: where a search of the check's own gives up.
     """
 
     loop: ClosedLoop
@@ -75,6 +81,7 @@ class Evidence:
     first: int
     first_tested: int
     now: Callable[[int, State], bool]
+    limits: Limits = Limits()  # noqa: RUF009
 
     def seen(self, number: int, state: int) -> bool:
         """Whether the check's watched formula held in a scan of the step to a state."""
@@ -84,9 +91,37 @@ class Evidence:
         """Whether it held in the last of these scans, where the run rests."""
         return self.now(self.first + number, self.graph.states[state])
 
+    def shows(self, number: int, state: int) -> bool:
+        """Whether the check's tested formula held in the last of these scans."""
+        return self.now(self.first_tested + number, self.graph.states[state])
+
     def ever(self, number: int) -> bool:
         """Whether the check's tested formula held in any scan at all."""
         return bool(self.loop.ever >> (self.first_tested + number) & 1)
+
+    def endless(self, inside: Callable[[int], bool]) -> Iterator[list[int]]:
+        """Yield components in which a fair run can move for ever inside."""
+        fairness = self.loop.fairness
+        return fair_components(self.graph, None if fairness == "none" else self.loop, inside,
+                               fairness == "strong")
+
+    def lasso(self, component: Sequence[int]) -> Lasso:
+        """Return a run into one of them and a fair cycle in it."""
+        fairness = self.loop.fairness
+        return lasso(self.graph, None if fairness == "none" else self.loop, component,
+                     fairness == "strong")
+
+    def rests(self) -> Iterator[int]:
+        """Yield the states in which a fair run can stay for ever.
+
+        Nothing can happen there, or, where a state is a rest, nothing has to.
+        """
+        loop, graph = self.loop, self.graph
+        for n, state in enumerate(graph.states):
+            ends = graph.expanded(n) and not graph.targets(n)
+            if ends or (loop.merge == "stable" and (loop.fairness == "none"
+                                                    or not loop.pending(state))):
+                yield n
 
     def first_seen(self, number: int) -> int | None:
         """The first state found in whose step the watched formula held."""
@@ -105,6 +140,14 @@ class Check(Protocol):
     def tested(self) -> tuple[Formula, ...]:
         """State formulas of which it matters only whether they ever hold."""
 
+    @property
+    def of_endless_runs(self) -> bool:
+        """Whether it depends on what a run may do for ever, and so on fairness."""
+
+    @property
+    def every_scan(self) -> str:
+        """Why it cannot be judged where scans are merged; empty if it can."""
+
     def judge(self, evidence: Evidence) -> Finding:
         """Judge the property."""
 
@@ -115,6 +158,8 @@ class Check(Protocol):
 @dataclass(frozen=True, slots=True)
 class Invariant:
     """`G p`, `AG p`, `A[] p`: p in every scan."""
+
+    of_endless_runs, every_scan = False, ""
 
     formula: Formula
     watched: tuple[Formula, ...] = ()
@@ -148,6 +193,8 @@ class Invariant:
 class Reachable:
     """`EF p`, `E<> p`: from some initial state, p in some scan."""
 
+    of_endless_runs, every_scan = False, ""
+
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
 
@@ -171,7 +218,9 @@ class Reachable:
 
 @dataclass(frozen=True, slots=True)
 class Recurrence:
-    """`G F p & G F q & ...` on every run that is weakly fair: each again and again."""
+    """`G F p & G F q & ...` on every fair run: each again and again."""
+
+    of_endless_runs, every_scan = True, ""
 
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
@@ -190,18 +239,21 @@ class Recurrence:
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a rest without p, or a fair component through whose steps p is not seen."""
-        graph, loop = evidence.graph, evidence.loop
+        graph = evidence.graph
         bad: set[int] = set()
-        first: tuple[int, list[int]] | None = None
+        rests = list(evidence.rests())
+        ends: list[int] = []
+        cycles: list[list[int]] = []
         for number in range(len(self.watched)):
-            ends = [[n] for n in terminal(graph) if not evidence.holds(number, n)]
+            ends += [n for n in rests if not evidence.holds(number, n)]
             unseen = {n for n in range(len(graph)) if not evidence.seen(number, n)}
-            for component in (*ends, *fair_components(graph, loop, unseen.__contains__)):
-                bad.update(component)
-                if first is None or min(component) < first[0]:
-                    first = min(component), component
-        if first is not None:
-            return Finding(VIOLATED, run=lasso(graph, loop, first[1]), bad=bad)
+            cycles += evidence.endless(unseen.__contains__)
+        bad.update(ends, *cycles)
+        if bad:
+            first = min(bad)
+            run = Lasso(*run_to(graph, first), []) if first in ends else \
+                evidence.lasso(min(cycles, key=min))
+            return Finding(VIOLATED, run=run, bad=bad)
         if not graph.complete:
             return Finding(INCONCLUSIVE, graph.reason)
         return Finding(HOLDS, bad=bad)
@@ -210,6 +262,8 @@ class Recurrence:
 @dataclass(frozen=True, slots=True)
 class NoDeadlock:
     """`AG EX TRUE`: in every state that can be reached, something can still happen."""
+
+    of_endless_runs, every_scan = False, ""
 
     watched: tuple[Formula, ...] = ()
     tested: tuple[Formula, ...] = ()
@@ -233,6 +287,8 @@ class NoDeadlock:
 @dataclass(frozen=True, slots=True)
 class NoCheck:
     """A formula that no check takes."""
+
+    of_endless_runs, every_scan = False, ""
 
     reason: str
     watched: tuple[Formula, ...] = ()

@@ -1,8 +1,9 @@
 """Computation tree logic over an explored closed loop, with counterexamples and witnesses.
 
 Every operator is written in terms of EX, E U and EG (Clarke, Emerson, Sistla, 1986). Runs are those
-that are weakly fair, which matters for EG alone: every run can be continued fairly. A state in
-which nothing can happen is followed by itself.
+that are fair, weakly or strongly as the loop says, which matters for EG alone: every run can be
+continued fairly, as what is pending can be done. A state in which nothing can happen is followed
+by itself.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ from plcemu.verify.check import (
     Finding,
     is_plain,
     negated,
-    without_a_part,
 )
-from plcemu.verify.fair import Lasso, Step, fair_components, lasso, run_to, way
+from plcemu.verify.fair import Lasso, Step, run_to, way
+from plcemu.verify.linear import units
+from plcemu.verify.vacuity import idle_parts
 
 _LOGIC = ("!", "&", "|", "->", "<->", "xor")
 
@@ -100,19 +102,6 @@ def is_ctl(formula: Formula) -> bool:
     return False
 
 
-def atoms(formula: Formula) -> Iterator[Formula]:
-    """Yield the largest plain parts of a formula in core form, but TRUE and FALSE."""
-    if isinstance(formula, Literal):
-        return
-    if is_plain(formula):
-        yield formula
-    elif isinstance(formula, Unary):
-        yield from atoms(formula.arg)
-    elif isinstance(formula, Binary):
-        yield from atoms(formula.left)
-        yield from atoms(formula.right)
-
-
 class Story(NamedTuple):
     """How a formula becomes true or false, from a state on.
 
@@ -135,7 +124,7 @@ class Model:
 
     Attributes:
         evidence: the explored loop.
-        numbers: of the watched formula of each atom.
+        numbers: of the smallest parts of formulas, among those that the check asks about.
     """
 
     evidence: Evidence
@@ -164,7 +153,7 @@ class Model:
         every = range(len(self.before))
         if formula in self.numbers:
             number = self.numbers[formula]
-            return {n for n in every if self.evidence.seen(number, n)}
+            return {n for n in every if self.evidence.shows(number, n)}
         if isinstance(formula, Literal):
             return set(every) if formula == TRUE else set()
         if isinstance(formula, Unary):
@@ -174,6 +163,8 @@ class Model:
             return {n for t in inner for n in self.before[t]} if formula.op == "EX" else \
                 self._staying(inner)
         assert isinstance(formula, Binary)
+        if formula.op in _BINARY:
+            return self.where(_BINARY[formula.op](formula.left, formula.right))
         left, right = self.where(formula.left), self.where(formula.right)
         if formula.op == "EU":
             return self._reaching(left, right)
@@ -195,7 +186,7 @@ class Model:
         """Yield where a fair run can stay for ever inside."""
         graph = self.evidence.graph
         yield from ([n] for n in inside if not graph.targets(n))
-        yield from fair_components(graph, self.evidence.loop, inside.__contains__)
+        yield from self.evidence.endless(inside.__contains__)
 
     # ------------------------------------------------------------ what shows it
 
@@ -227,7 +218,8 @@ class Model:
         return rest._replace(steps=[*steps, *rest.steps])
 
     def _way(self, state: int, through: set[int], goal: set[int]) -> list[Step]:
-        return [] if state in goal else way(self.evidence.graph, through | goal, state, goal)
+        return [] if state in goal else way(self.evidence.graph, through | goal, state,
+                                            lambda step: step.target in goal)
 
     def _once(self, state: int, goal: set[int]) -> list[Step]:
         graph = self.evidence.graph
@@ -239,7 +231,7 @@ class Model:
         ends = {min(c): c for c in self._ends(inside)}
         steps = self._way(state, inside, set(ends))
         component = ends[steps[-1].target if steps else state]
-        return Story(steps, lasso(self.evidence.graph, self.evidence.loop, component).cycle, True)
+        return Story(steps, self.evidence.lasso(component).cycle, True)
 
 
 def _nowhere(formula: Formula) -> str:
@@ -254,43 +246,42 @@ def _nowhere(formula: Formula) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Branching:
-    """A formula of CTL, true if it holds in all initial states: after the first scan."""
+    """A formula of CTL, true if it holds in all initial states: after the first scan.
 
+    Attributes:
+        formula: as it is stated.
+    """
+
+    of_endless_runs = True
+    every_scan = "it speaks of every scan, and scans are merged: verify with merge: none"
     formula: Formula
-    harder: tuple[tuple[Formula, str], ...]
-    watched: tuple[Formula, ...]
-    tested: tuple[Formula, ...] = ()
+    tested: tuple[Formula, ...]
+    watched: tuple[Formula, ...] = ()
 
     @staticmethod
     def of(formula: Formula) -> Branching | None:
         """Return the check if the formula is of this kind."""
         if is_plain(formula) or not is_ctl(formula):
             return None
-        harder: list[tuple[Formula, str]] = []
-        if isinstance(formula, Unary) and formula.op == "AG":
-            harder = [(core(replace(formula, arg=p)), told) for p, told in
-                      without_a_part(formula.arg)]
-        inner = core(formula)
-        seen = dict.fromkeys(a for f in (inner, *(h for h, _ in harder)) for a in atoms(f))
-        return Branching(inner, tuple(harder), tuple(seen))
+        return Branching(formula, tuple(dict.fromkeys(units(formula))))
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated in an initial state where it does not hold; a run shows why."""
         graph = evidence.graph
-        if evidence.loop.merge == "stable":
-            return Finding(INCONCLUSIVE, "it speaks of every scan, and scans are merged: verify "
-                           "with merge: none", out_of_scope=True)
         if not graph.complete:
             return Finding(INCONCLUSIVE, graph.reason)
-        model = Model(evidence, {f: n for n, f in enumerate(self.watched)})
-        holds = model.where(self.formula)
+        model = Model(evidence, {f: n for n, f in enumerate(self.tested)})
+        formula = core(self.formula)
+        holds = model.where(formula)
         bad = [n for n in graph.initial if n not in holds]
         if not bad:
-            idle = [told for f, told in self.harder
-                    if all(n in model.where(f) for n in graph.initial)]
-            return Finding(HOLDS, vacuous_in=tuple(dict.fromkeys(idle)))
-        told = model.story(self.formula, bad[0], truth=False)
+            idle = idle_parts(self.formula, lambda stronger: all(
+                n in model.where(core(stronger)) for n in graph.initial))
+            return Finding(HOLDS, vacuous_in=idle, violated_from=set())
+        told = model.story(formula, bad[0], truth=False)
         origin, stem = run_to(graph, bad[0])
         return Finding(VIOLATED, run=Lasso(origin, [*stem, *told.steps], told.cycle),
-                       watched=None if told.endless else 0, remark=told.remark)
+                       decided=None if told.endless else (None, 0), remark=told.remark,
+                       violated_from={plant for plant, n in evidence.loop.starts(graph.number)
+                                      if n in bad})
 

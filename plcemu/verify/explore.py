@@ -7,7 +7,7 @@ import sys
 import time
 from array import array
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Literal
 
@@ -231,6 +231,21 @@ def used_mb() -> int:
     """Return the largest size that this process has had, in MB."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak // (1024 if sys.platform != "darwin" else 1024 * 1024)
+
+
+def backwards(graph: Graph[S, A], goal: Iterable[int]) -> set[int]:
+    """Return the states from which one of the goal's can be reached."""
+    sources: dict[int, list[int]] = {}
+    for number in range(len(graph)):
+        for target in graph.targets(number):
+            sources.setdefault(target, []).append(number)
+    reached, todo = set(goal), list(goal)
+    while todo:
+        for source in sources.get(todo.pop(), ()):
+            if source not in reached:
+                reached.add(source)
+                todo.append(source)
+    return reached
 
 
 def terminal(graph: Graph[S, A]) -> Iterator[int]:

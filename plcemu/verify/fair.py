@@ -1,14 +1,20 @@
 """Fair cycles: what a run may do for ever, if nothing stays pending for ever without being done.
 
-A run violates `G F p` if from some state on it stays where p is false. Under weak fairness such a
-run exists exactly if there is, among the states without p, a state where nothing can happen, or a
-strongly connected component in which every pending thing is somewhere not pending or somewhere
-done (Emerson and Lei, 1987; for weak fairness one pass over the components suffices).
+A run violates `G F p` if from some state on it stays where p is false. Such a run exists exactly if
+there is, among the states without p, a state where nothing can happen, or a strongly connected
+component with a fair cycle through all of it.
+
+Weak fairness: what is pending without a break is done. A component has a fair cycle if every name
+is somewhere in it not pending or somewhere done (Emerson and Lei, 1987).
+Strong fairness: what is pending again and again is done again and again, a Streett condition. A
+name that is pending somewhere in a component and done nowhere in it must not be met for ever: the
+states where it is pending are taken away, and what is left is decomposed anew (Lichtenstein and
+Pnueli, 1985).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -30,20 +36,26 @@ class Lasso(NamedTuple):
         start: the number of the initial state.
         stem: the steps to the cycle's first state.
         cycle: the steps that are repeated for ever; none if the run stays where the stem ends.
+        origin: the plant's initial state that it begins with; None if any that leads to `start`.
     """
 
     start: int
     stem: list[Step]
     cycle: list[Step]
+    origin: Any = None
 
 
-def components(graph: Graph[S, A], inside: Callable[[int], bool]) -> Iterator[list[int]]:
-    """Yield the strongly connected components of the states inside (Tarjan, 1972), iteratively."""
+def components(graph: Graph[S, A], inside: Callable[[int], bool],
+               among: Iterable[int] | None = None) -> Iterator[list[int]]:
+    """Yield the strongly connected components of the states inside (Tarjan, 1972), iteratively.
+
+    Those of the states that `among` yields, if it is given, which must be all inside.
+    """
     index: dict[int, int] = {}
     low: dict[int, int] = {}
     stack: list[int] = []
     on_stack: set[int] = set()
-    for root in range(len(graph)):
+    for root in range(len(graph)) if among is None else among:
         if root in index or not inside(root):
             continue
         index[root] = low[root] = len(index)
@@ -79,34 +91,40 @@ def components(graph: Graph[S, A], inside: Callable[[int], bool]) -> Iterator[li
                     yield component
 
 
-def fair_components(graph: Graph[S, A], fair: Fair[S, A] | None,
-                    inside: Callable[[int], bool]) -> Iterator[list[int]]:
+def fair_components(graph: Graph[S, A], fair: Fair[S, A] | None, inside: Callable[[int], bool],
+                    strong: bool = False, among: Iterable[int] | None = None,
+                    ) -> Iterator[list[int]]:
     """Yield the components of the states inside in which a fair run can move for ever.
 
     Without fairness, every component with a transition in it. States in which nothing can happen
     are not among them; `explore.terminal` yields those.
     """
-    for component in components(graph, inside):
+    for component in components(graph, inside, among):
         members = set(component)
         alone = len(component) == 1
         if alone and component[0] not in graph.targets(component[0]):
             continue
-        if fair is None or not _owed(graph, fair, members):
+        owed = set() if fair is None else _owed(graph, fair, members, strong)
+        if not owed:
             yield component
+        elif strong and fair is not None:
+            rest = {n for n in component if owed.isdisjoint(fair.pending(graph.states[n]))}
+            yield from fair_components(graph, fair, rest.__contains__, strong, sorted(rest))
 
 
-def _owed(graph: Graph[S, A], fair: Fair[S, A], members: Collection[int]) -> set[str]:
-    """Return what is pending in every state of a component and done on none of its transitions."""
+def _owed(graph: Graph[S, A], fair: Fair[S, A], members: Collection[int],
+          strong: bool) -> set[str]:
+    """Return what is pending in every state of a component, or under strong fairness in some, and
+    done on none of its transitions."""
     owed: set[str] | None = None
     for number in members:
         pending = set(fair.pending(graph.states[number]))
-        owed = pending if owed is None else owed & pending
-        if not owed:
+        owed = pending if owed is None else owed | pending if strong else owed & pending
+        if not owed and not strong:
             return set()
     for number in members:
-        for action, target in zip(graph.actions(number), graph.targets(number), strict=True):
-            if target in members:
-                owed = (owed or set()) - set(fair.done(action))
+        for step in _steps(graph, number, members):
+            owed = (owed or set()) - set(fair.done(step.action))
     return owed or set()
 
 
@@ -118,37 +136,33 @@ def run_to(graph: Graph[S, A], target: int) -> tuple[int, list[Step]]:
     return path[0], steps
 
 
-def lasso(graph: Graph[S, A], fair: Fair[S, A] | None, component: Sequence[int]) -> Lasso:
-    """Return a run into a fair component and a fair cycle in it."""
+def lasso(graph: Graph[S, A], fair: Fair[S, A] | None, component: Sequence[int],
+          strong: bool = False) -> Lasso:
+    """Return a run into a fair component and a fair cycle in it, which takes the nearest thing
+    that it still has to pass or to do, one after the other."""
     members = set(component)
     start = min(component)
     origin, stem = run_to(graph, start)
     cycle: list[Step] = []
     if graph.targets(start):
-        for goal in _goals(graph, fair, members):
-            cycle += _through(graph, members, cycle[-1].target if cycle else start, goal)
-        here = cycle[-1].target if cycle else start
+        pending = {n: set(fair.pending(graph.states[n])) if fair else set() for n in members}
+        todo: set[str] = set().union(*pending.values())
+        todo = todo if strong else todo & pending[start]
+
+        def settles(step: Step) -> set[str]:
+            """What a step does, or passes where it is not pending."""
+            done = todo & set(fair.done(step.action)) if fair else set()
+            return done if strong else done | (todo - pending[step.target])
+
+        here = start
+        while todo:
+            for step in way(graph, members, here, lambda step: bool(settles(step))):
+                cycle.append(step)
+                todo -= settles(step)
+                here = step.target
         if not cycle or here != start:
-            cycle += way(graph, members, here, {start})
+            cycle += way(graph, members, here, lambda step: step.target == start)
     return Lasso(origin, stem, cycle)
-
-
-Goal = set[int] | tuple[int, Step]
-"""States one of which is to be passed, or a step to be taken from a state."""
-
-
-def _goals(graph: Graph[S, A], fair: Fair[S, A] | None, members: Collection[int]) -> list[Goal]:
-    """Return, for each thing that is pending somewhere, where a fair cycle must go for it."""
-    if fair is None:
-        return []
-    pending = {n: set(fair.pending(graph.states[n])) for n in members}
-    goals: list[Goal] = []
-    for name in sorted(set().union(*pending.values())):
-        free = {n for n in members if name not in pending[n]}
-        goals.append(free or next(
-            (n, step) for n in sorted(members) for step in _steps(graph, n, members)
-            if name in fair.done(step.action)))
-    return goals
 
 
 def _steps(graph: Graph[S, A], source: int, members: Collection[int]) -> Iterator[Step]:
@@ -158,31 +172,24 @@ def _steps(graph: Graph[S, A], source: int, members: Collection[int]) -> Iterato
             yield Step(action, target)
 
 
-def _through(graph: Graph[S, A], members: Collection[int], start: int, goal: Goal) -> list[Step]:
-    if isinstance(goal, set):
-        return [] if start in goal else way(graph, members, start, goal)
-    source, step = goal
-    return [*([] if start == source else way(graph, members, start, {source})), step]
-
-
 def way(graph: Graph[S, A], members: Collection[int], start: int,
-         goal: Collection[int]) -> list[Step]:
-    """Return a shortest way, of one step at least, inside the members to a goal."""
+        goal: Callable[[Step], bool]) -> list[Step]:
+    """Return a shortest way, of one step at least, inside the members, whose last step is one of
+    the goal's."""
     came: dict[int, tuple[int, Step]] = {}
     level = [start]
     while level:
         following = []
         for number in level:
             for step in _steps(graph, number, members):
-                if step.target in came:
-                    continue
-                came[step.target] = number, step
-                if step.target in goal:
+                if goal(step):
                     way = [step]
                     while number != start:
                         number, step = came[number]
                         way.append(step)
                     return way[::-1]
-                following.append(step.target)
+                if step.target not in came:
+                    came[step.target] = number, step
+                    following.append(step.target)
         level = following
     raise AssertionError("a component is strongly connected")

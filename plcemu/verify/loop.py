@@ -25,6 +25,8 @@ from plcemu.verify.settle import DoesNotSettle, Settling, Start, State, Trail
 from plcemu.verify.views import FinitePlant, Views
 
 Merge = Literal["stable", "none"]
+Fairness = Literal["weak", "strong", "none"]
+"""What is assumed of the plant on runs without end, see `plcemu.verify.fair`."""
 
 _ENOUGH = 128
 """Steps that are asked for at once."""
@@ -61,6 +63,8 @@ class ClosedLoop:
         merge: which scans are states of their own.
         cycle_ns: the time that passes between two scans; used by `merge="none"`.
         frozen: while it holds, the plant does nothing; None if it always may.
+        fairness: what is assumed of runs without end: that what is pending without a break is done
+            (`weak`), that what is pending again and again is (`strong`), or nothing (`none`).
         together: whether to make many steps at once, where many are asked for.
 
     Raises:
@@ -73,7 +77,7 @@ class ClosedLoop:
                  watched: Iterable[int] | None = None, told: int = -1,
                  merge: Merge = "stable", cycle_ns: int = 0,
                  frozen: Callable[[bytes, Sequence[Value]], bool] | None = None,
-                 together: bool = True) -> None:
+                 fairness: Fairness = "weak", together: bool = True) -> None:
         if merge == "stable" and machine.has_clocks:
             raise PlcemuError("the program reads timers or step times, so time matters between "
                               "two events of the plant: verify every scan (merge: none), or with "
@@ -81,7 +85,7 @@ class ClosedLoop:
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.watch, self.merge, self.cycle_ns = watch, merge, cycle_ns
-        self._frozen = frozen
+        self._frozen, self.fairness = frozen, fairness
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         looked_at = range(len(machine.initial)) if watched is None else sorted(watched)
         self._views = Views(machine, plant, self.inputs, self.outputs, watch, looked_at)
@@ -120,7 +124,7 @@ class ClosedLoop:
         """What the plant may do; in `merge="none"` also nothing."""
         if state.fault:
             return ()
-        if self._frozen is not None and self._frozen(state.memory, self.facts(state.plant)):
+        if self._stands_still(state):
             return (IDLE,)
         own = self.plant.actions(state.plant)
         return own if self.merge == "stable" else (IDLE, *own)
@@ -156,11 +160,18 @@ class ClosedLoop:
 
     def pending(self, state: State) -> Collection[str]:
         """What is under way in the plant."""
-        return () if state.fault else self.plant.pending(state.plant)
+        return () if state.fault or self._stands_still(state) else self.plant.pending(state.plant)
 
     def done(self, action: Any) -> Collection[str]:
         """What of it an action brings about."""
         return () if action is IDLE else self.plant.done(action)
+
+    def elapsed_ns(self, state: State, action: Any) -> int:
+        """The time from the last scan before an action to the next; 0 where it is left open."""
+        return self._elapsed_ns
+
+    def _stands_still(self, state: State) -> bool:
+        return self._frozen is not None and self._frozen(state.memory, self.facts(state.plant))
 
     # ------------------------------------------------------------ the scans of a step
 

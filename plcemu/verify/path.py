@@ -6,7 +6,7 @@ It is a trace as well, so that the online monitors judge it and every recorder c
 from __future__ import annotations
 
 import json
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
@@ -49,6 +49,7 @@ class Path:
             if the story is over with the last row. If it is the last row, the run stays there.
         fault: why the program stops after the last row; else empty.
         cycle_ns: the time between two scans.
+        decided_ns: how long after its last scan it is decided, in ns.
     """
 
     start: str
@@ -57,6 +58,7 @@ class Path:
     fault: str
     cycle_ns: int
     predicates: Predicates = field(repr=False)
+    decided_ns: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, times in s."""
@@ -72,7 +74,7 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                text.append("  from here on nothing can happen any more:" if stays else
+                text.append("  from here on nothing happens any more:" if stays else
                             "  from here on again and again:")
             if row.action:
                 text.append(f"  {'':>6}  {row.action}")
@@ -86,26 +88,38 @@ class Path:
 
     @property
     def ends_at_ns(self) -> int:
-        """The instant of the last scan; there the monitors decide an invariant."""
-        return (len(self.rows) - 1) * self.cycle_ns
+        """The instant at which a violation that takes no run without end is decided."""
+        return (len(self.rows) - 1) * self.cycle_ns + self.decided_ns
 
-    def scenario(self, description: str, points: Sequence[Point]) -> str:
+    def played(self, rounds: int = 1) -> list[Row]:
+        """Return the scans with what is repeated for ever played a number of times."""
+        if self.repeats_from is None or self.repeats_from == len(self.rows) - 1:
+            return self.rows
+        return [*self.rows, *(rounds - 1) * self.rows[self.repeats_from:]]
+
+    def scenario(self, description: str, points: Sequence[Point], facts: Collection[str] = (),
+                 rounds: int = 1) -> str:
         """Return the inputs as a scenario file, which `simulate --no-plant` plays.
 
         Args:
             description: what the file says of itself.
             points: where the inputs stand.
+            facts: the plant's facts that are told besides.
+            rounds: how often what is repeated for ever is played.
         """
         lines = [f"description: {json.dumps(description)}", "steps:"]
-        before: dict[str, int] = {}
-        for row in self.rows:
-            written = {str(p.address): replace(p, scale=Fraction(1)).to_value(row.inputs[p.name])
-                       for p in points if row.inputs[p.name] != before.get(p.name)}
-            before = row.inputs
-            if written:
-                values = ", ".join(f'"{address}": {_yaml(v)}' for address, v in written.items())
+        told = [(n, tag.name) for n, tag in enumerate(self.predicates.tags) if tag.name in facts]
+        before: dict[str, Value] = {}
+        for scan, row in enumerate(self.played(rounds)):
+            now: dict[str, Value] = {str(p.address): _written(p, row.inputs[p.name])
+                                     for p in points}
+            now |= {name: row.values[n] for n, name in told}
+            values = ", ".join(f'"{name}": {json.dumps(v)}' for name, v in now.items()
+                               if v != before.get(name))
+            before = now
+            if values:
                 note = f"  # {row.action}" if row.action else ""
-                lines.append(f"  - {{t_ns: {row.scan * self.cycle_ns}, set: {{{values}}}}}{note}")
+                lines.append(f"  - {{t_ns: {scan * self.cycle_ns}, set: {{{values}}}}}{note}")
         return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
@@ -121,8 +135,10 @@ class Path:
         return trace
 
 
-def _yaml(value: bool | float) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(round(value))
+def _written(point: Point, raw: int) -> Value:
+    """Return what is written to an input so that it reads a raw value."""
+    value = replace(point, scale=Fraction(1)).to_value(raw)
+    return value if isinstance(value, bool) else round(value)
 
 
 def _short(tag: str) -> str:
@@ -135,7 +151,8 @@ def _shown(value: Value) -> str:
 
 
 def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: Lasso,
-            watched: int | None, cycle_ns: int) -> Path:
+            watched: int | None, cycle_ns: int,
+            decided: tuple[int | None, int] | None = None) -> Path:
     """Return a run as a path, executing its scans again.
 
     Args:
@@ -145,8 +162,9 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
         run: what to show.
         watched: the path ends in the scan of its last step in which this watched formula holds.
         cycle_ns: the time between two scans.
+        decided: or it ends with this number of scans of its last step, so many ns after the last.
     """
-    origin = loop.origins[graph.states[run.start]]
+    origin = loop.origins[graph.states[run.start]] if run.origin is None else run.origin
     writer = _Writer(loop, predicates)
     writer.take("", loop.first_scans(origin)[0])
     here = run.start
@@ -156,11 +174,14 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
     repeats = None
     if watched is not None:
         writer.cut(watched)
+    elif decided is not None:
+        writer.keep(decided[0])
     elif not fault:
         repeats = len(writer.rows) if run.cycle else len(writer.rows) - 1
         for step in run.cycle:
             here = writer.step(graph, here, step)
-    return Path(loop.plant.name_of(origin), writer.rows, repeats, fault, cycle_ns, predicates)
+    return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
+                cycle_ns, predicates, decided[1] if decided else 0)
 
 
 class _Writer:
@@ -175,7 +196,9 @@ class _Writer:
         self.shown = [tag.type != "TIME" for tag in predicates.tags]
 
     def step(self, graph: StateGraph, source: int, step: Step) -> int:
-        scans = self.loop.scans(graph.states[source], step.action)[0]
+        # What was cut away from the state goes on from what it was.
+        state = graph.states[source]._replace(memory=self.last[-1][0])
+        scans = self.loop.scans(state, step.action)[0]
         self.take(str(step.action), scans)
         return step.target
 
@@ -194,8 +217,13 @@ class _Writer:
         """Drop the scans of the last step after the first one in which a formula holds."""
         for n, (memory, plant) in enumerate(self.last):
             if self.loop.watch(memory, self.loop.facts(plant)) >> watched & 1:
-                del self.rows[len(self.rows) - len(self.last) + n + 1:]
+                self.keep(n + 1)
                 return
+
+    def keep(self, scans: int | None) -> None:
+        """Keep so many scans of the last step; all if None."""
+        if scans is not None:
+            del self.rows[len(self.rows) - len(self.last) + scans:]
 
 
 def _initial(values: tuple[Value, ...]) -> tuple[Value, ...]:

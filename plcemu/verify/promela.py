@@ -96,7 +96,7 @@ class PromelaModel:
         places = [(p, place_of(program, p)) for p in loop.outputs]
         self._outputs = [(p, at) for p, at in places if at is not None]
         self.tables = PlantTables(loop.plant, [p for p, _ in self._outputs], not self.stable,
-                                  {state.plant for state in graph.states})
+                                  loop.fairness != "none", {state.plant for state in graph.states})
         self.questions = [Question(NO_FAULT, "fault"),
                           *(question_of(p.name, c) for p, c in
                             zip(prover.properties, prover.checks, strict=True))]
@@ -142,10 +142,12 @@ class PromelaModel:
 
     def _ask(self) -> None:
         for question in self.questions:
+            if question.kind == "again" and self.loop.fairness == "strong":
+                question.why_not = "SPIN knows weak fairness, not strong"
             try:
                 question.texts = tuple(self._formulas.write(f) for f in question.formulas)
             except NoPromela as problem:
-                question.why_not = str(problem)
+                question.why_not = question.why_not or str(problem)
 
     def _whole(self, prover: Prover) -> list[tuple[int, int] | None]:
         """Return the least and the largest value of each fact, if they are whole numbers."""

@@ -28,10 +28,10 @@ UNKNOWN = -1
 
 
 class Rest:
-    """What happens where nothing can happen any more."""
+    """What happens where a run stays for ever, as nothing can happen or nothing is owed."""
 
     def __str__(self) -> str:
-        return "nothing can happen any more"
+        return "nothing happens any more"
 
 
 REST = Rest()
@@ -75,7 +75,9 @@ class PlantTables:
     Args:
         plant: that was explored.
         outputs: those that the program uses, in the order of `pack`.
-        idles: whether doing nothing is an action of its own (`merge: none`).
+        idles: whether doing nothing is an action of its own (`merge: none`); if not, a run may stay
+            where nothing is owed.
+        fair: whether fairness demands that what is pending be done.
         rests: the plant's states in which something may happen next; in all others the loop goes on
             by itself, and what might happen there is not told.
 
@@ -83,7 +85,7 @@ class PlantTables:
         NoPromela: fairness demands what can never be done.
     """
 
-    def __init__(self, plant: RecordedPlant, outputs: Sequence[Point], idles: bool,
+    def __init__(self, plant: RecordedPlant, outputs: Sequence[Point], idles: bool, fair: bool,
                  rests: Collection[Hashable]) -> None:
         self.plant: FinitePlant = plant
         self.words = packing(outputs)
@@ -91,8 +93,8 @@ class PlantTables:
         states = [*self.initial, *(s for s, _ in plant.follows), *plant.follows.values()]
         self.states: list[Any] = [None, *dict.fromkeys(states)]
         self.number = {state: n for n, state in enumerate(self.states) if n}
-        self._rests = set(rests)
-        self.names = sorted({name for state in self._rests for name in plant.pending(state)})
+        self._rests, self._fair = set(rests), fair
+        self.names = sorted({name for state in self._rests for name in self._pending(state)})
         self.moves = [move for n in range(len(self.states)) for move in self._moves(n, idles)]
         packed = {values: self._packed(dict(values), outputs)
                   for values in {values for _, values in plant.follows}}
@@ -111,8 +113,9 @@ class PlantTables:
         state, plant = self.states[source], self.plant
         if state not in self._rests:
             return [Move(source, FREE, REST, UNKNOWN)]
-        pending = set(plant.pending(state))
-        moves = [Move(source, FREE, IDLE, source)] if idles else []
+        pending = self._pending(state)
+        stays = [] if pending and not idles else [IDLE if idles else REST]
+        moves = [Move(source, FREE, action, source) for action in stays]
         owed = set(pending)
         for action in plant.actions(state):
             after = self.number.get(plant.after(state, action), UNKNOWN)
@@ -123,7 +126,15 @@ class PlantTables:
         if owed:
             raise NoPromela(f"{', '.join(sorted(owed))} cannot be done in a state where it is "
                             "pending; SPIN's fairness cannot demand it")
-        return sorted(moves, key=lambda m: m.who) or [Move(source, FREE, REST, source)]
+        return sorted(moves, key=lambda m: m.who)
+
+    def _pending(self, state: Any) -> set[str]:
+        return set(self.plant.pending(state)) if self._fair else set()
+
+    def ends(self, number: int) -> bool:
+        """Whether nothing can happen in a state."""
+        state = self.states[number]
+        return state in self._rests and not self.plant.actions(state)
 
     def _packed(self, values: Mapping[str, Any], outputs: Sequence[Point]) -> tuple[int, ...]:
         words: dict[int, int] = {}
@@ -158,7 +169,8 @@ class PlantTables:
             follows=_rows([(*w, after) for _, w, after in self.follows]) or "{0}",
             parameters="".join(f", int word_{n}" for n in range(words)),
             equal=" && ".join(f"plant_follows[n][{n}] == word_{n}" for n in range(words)),
-            move_rows=_rows([(m.who, m.after, int(m.action is REST)) for m in self.moves]))
+            move_rows=_rows([(m.who, m.after, int(m.action is REST and self.ends(m.source)))
+                             for m in self.moves]))
 
     def _commented(self) -> range:
         return range(len(self.states)) if len(self.states) < 500 else range(1)

@@ -27,15 +27,21 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.checks import check_for
 from plcemu.verify.cone import cone_of
-from plcemu.verify.explore import Limits, Progress, explore
+from plcemu.verify.explore import Limits, Progress, backwards, explore
 from plcemu.verify.fair import Lasso, run_to
-from plcemu.verify.loop import ClosedLoop, Merge
+from plcemu.verify.loop import ClosedLoop, Fairness, Merge
 from plcemu.verify.machine import ScanMachine, place_of
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.predicates import Predicates
 
 _FACT_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
 NO_FAULT = "no_fault"
+_FAIRNESS: dict[Fairness, str] = {
+    "weak": "fairness is weak: assumed is that nothing stays under way in the plant for ever "
+            "without coming to its end",
+    "strong": "fairness is strong: assumed is that what is under way in the plant again and again "
+              "comes to its end again and again",
+    "none": "fairness: none is assumed; the plant may also do nothing for ever"}
 
 
 @dataclass(slots=True)
@@ -101,6 +107,7 @@ class Prover:
         properties: what is demanded.
         merge: see `plcemu.verify.loop`.
         frozen: while this state formula holds, the plant does nothing; None if it always may.
+        fairness: see `plcemu.verify.loop`.
         together: whether many steps are made at once; if not, one after the other, as is readable.
 
     Raises:
@@ -111,14 +118,13 @@ class Prover:
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
-                 together: bool = True) -> None:
+                 fairness: Fairness = "weak", together: bool = True) -> None:
         self.cycle_ns, self.properties, self.frozen = cycle_ns, list(properties), frozen
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
-        self.checks: list[Check] = [self._unknown(p.formula, plant) or check_for(p.formula)
-                                    for p in self.properties]
+        self.checks = [_check(p.formula, plant, merge) for p in self.properties]
         judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
                   if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
         diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
@@ -135,18 +141,13 @@ class Prover:
         self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
                                self.predicates.mask(formulas), looked_at,
                                (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None, together)
+                               self.predicates.test(frozen) if frozen else None, fairness,
+                               together)
         self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
+        if any(check.of_endless_runs for check in self.checks):
+            self.cuts.append(_FAIRNESS[fairness])
         if frozen:
             self.cuts.append(f"assumed is that the plant does nothing while {frozen}")
-
-    @staticmethod
-    def _unknown(formula: Formula, plant: Abstraction) -> Check | None:
-        """Return why a formula that names a fact which the finite plant lacks is not judged."""
-        known = {f"plant.{f.name}".casefold() for f in plant.facts}
-        lacks = [r.name for r in tag_refs(formula)
-                 if r.name.casefold().startswith("plant.") and r.name.casefold() not in known]
-        return NoCheck(f"the finite plant does not know {', '.join(lacks)}") if lacks else None
 
     def _cuts(self, kept: frozenset[int] | None, merge: Merge) -> list[str]:
         """Return what is cut away or assumed, in words."""
@@ -172,7 +173,7 @@ class Prover:
         """Explore, and judge every property."""
         before = self.loop.machine.scans
         graph = explore(self.loop, limits, on_progress=on_progress)
-        proofs = [self._judge(graph, entry, check, *firsts) for entry, check, firsts in
+        proofs = [self._judge(graph, limits, entry, check, *firsts) for entry, check, firsts in
                   zip(self.properties, self.checks, self._firsts(), strict=True)]
         fault = self._fault(graph)
         if fault is not None:
@@ -186,25 +187,33 @@ class Prover:
             yield watched, tested
             watched, tested = watched + len(check.watched), tested + len(check.tested)
 
-    def _judge(self, graph: StateGraph, entry: Property, check: Check, first: int,
+    def _judge(self, graph: StateGraph, limits: Limits, entry: Property, check: Check, first: int,
                first_tested: int) -> Proof:
         watch, loop = self.loop.watch, self.loop
         evidence = Evidence(loop, graph, first, first_tested,
-                            lambda n, s: bool(watch(s.memory, loop.facts(s.plant)) >> n & 1))
+                            lambda n, s: bool(watch(s.memory, loop.facts(s.plant)) >> n & 1),
+                            limits)
         finding = check.judge(evidence)
         watched = None if finding.watched is None else first + finding.watched
         path = None
         if finding.run is not None:
-            path = path_of(loop, graph, self.predicates, finding.run, watched, self.cycle_ns)
+            path = path_of(loop, graph, self.predicates, finding.run, watched, self.cycle_ns,
+                           finding.decided)
         return Proof(entry.name, str(entry.formula), entry.description, finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
 
     def _by_initial(self, graph: StateGraph, finding: Finding) -> dict[str, str]:
         """Return the verdict for each initial state: violated where a bad state can be reached."""
-        if len(self.loop.origins) < 2 or finding.bad is None or not graph.complete:
+        if len(self.loop.origins) < 2 or not graph.complete:
+            return {}
+        name_of = self.loop.plant.name_of
+        if finding.violated_from is not None:
+            return {name_of(origin): VIOLATED if origin in finding.violated_from else HOLDS
+                    for origin, _ in self.loop.starts(graph.number)}
+        if finding.bad is None:
             return {}
         reached = backwards(graph, finding.bad) if finding.bad else set()
-        return {self.loop.plant.name_of(origin): VIOLATED if n in reached else HOLDS
+        return {name_of(origin): VIOLATED if n in reached else HOLDS
                 for origin, n in self.loop.starts(graph.number)}
 
     def _fault(self, graph: StateGraph) -> Proof | None:
@@ -220,6 +229,17 @@ class Prover:
                      self._by_initial(graph, finding), len(graph), graph.seconds)
 
 
+def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
+    """Return the check of a formula, or why it cannot be judged of this loop."""
+    known = {f"plant.{f.name}".casefold() for f in plant.facts}
+    lacks = [r.name for r in tag_refs(formula)
+             if r.name.casefold().startswith("plant.") and r.name.casefold() not in known]
+    if lacks:
+        return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
+    check = check_for(formula)
+    return NoCheck(check.every_scan) if merge == "stable" and check.every_scan else check
+
+
 def _never_written(program: Program, inputs: Sequence[Point],
                    kept: frozenset[int] | None) -> list[str]:
     """Return, in words, which inputs of the program nothing writes in any run."""
@@ -230,21 +250,6 @@ def _never_written(program: Program, inputs: Sequence[Point],
     names = [f"{tag.name} ({tag.address})" for _, tag in sorted(tags.items())]
     return [f"nothing writes the inputs {', '.join(names)}: they stay as at the start"] \
         if names else []
-
-
-def backwards(graph: StateGraph, goal: Iterable[int]) -> set[int]:
-    """Return the states from which one of the goal's can be reached."""
-    sources: dict[int, list[int]] = {}
-    for number in range(len(graph)):
-        for target in graph.targets(number):
-            sources.setdefault(target, []).append(number)
-    reached, todo = set(goal), list(goal)
-    while todo:
-        for source in sources.get(todo.pop(), ()):
-            if source not in reached:
-                reached.add(source)
-                todo.append(source)
-    return reached
 
 
 __all__ = ["HOLDS", "INCONCLUSIVE", "VIOLATED", "Proof", "Prover", "Result"]

@@ -353,6 +353,8 @@ def _flaw(prover: Prover, question: Question, states: list[State], run: Lasso) -
     steps = [(n, step.action) for n, step in enumerate(run.cycle, len(run.stem))]
     if all(any(seen(test, n, action) for n, action in steps) for test in tests):
         return "everything is seen in its cycle"
+    if loop.fairness == "none":
+        return ""
     for name in set().union(*(loop.pending(states[n]) for n, _ in steps)):
         if all(name in loop.pending(states[n]) and name not in loop.done(action)
                for n, action in steps):
@@ -361,8 +363,9 @@ def _flaw(prover: Prover, question: Question, states: list[State], run: Lasso) -
 
 
 def _flaw_of_rest(loop: Any, tests: Sequence[Any], last: State) -> str:
-    if loop.actions(last):
-        return "something can still happen where it stays"
+    owed = loop.merge == "none" or (loop.fairness != "none" and loop.pending(last))
+    if loop.actions(last) and owed:
+        return "it cannot stay where it stays"
     if all(test(last.memory, loop.facts(last.plant)) for test in tests):
         return "everything holds where it stays"
     return ""

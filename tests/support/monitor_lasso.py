@@ -7,6 +7,7 @@ has become periodic in the last one; after its end the last loop begins again.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import lru_cache
 
 from monitor_brute_force import Brute, Row, is_leaf, offsets, reach
@@ -15,13 +16,23 @@ from plcemu.monitor.formula import Binary, Formula, Literal, Unary
 
 
 class Lasso:
-    """The truth of formulas on a beginning and a loop."""
+    """The truth of formulas on a beginning and a loop.
 
-    def __init__(self, begin: list[Row], loop: list[Row], formula: Formula) -> None:
+    Args:
+        begin, loop: what holds at each instant.
+        formula: the formula that will be asked about, or the largest of several.
+        scans: the instants of the beginning and the first loop at which a scan is; X looks at the
+            next one. The loop's first instant must be one of them.
+    """
+
+    def __init__(self, begin: list[Row], loop: list[Row], formula: Formula,
+                 scans: Collection[int] = ()) -> None:
         rounds = reach(formula) // len(loop) + 4
         self.run = begin + loop * rounds
         self.period = len(loop)
         self.end = len(self.run)
+        self.scans = {t for t in scans if t < len(begin)} | {
+            t + self.period * k for k in range(rounds + 1) for t in scans if t >= len(begin)}
         self.states = Brute(self.run, self.end - 1, self.end)
         self.holds = lru_cache(maxsize=None)(self._holds)
 
@@ -38,6 +49,9 @@ class Lasso:
         if f.op in ("rise", "fall", "changed"):
             assert isinstance(f, Unary)
             return bool(self.states.pulse(f, t))
+        if f.op == "X":
+            assert isinstance(f, Unary)
+            return self.holds(f.arg, self.place(min(u for u in self.scans if u > t)))
         first, last = offsets(f, self.end + self.period)
         ahead = [self.place(t + k) for k in range(first, last + 1)]
         behind = [t - k for k in range(first, last + 1) if t - k >= 0]

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 from hypothesis import strategies as st
+from monitor_brute_force import Brute
+from monitor_lasso import Lasso
 
 from plant_sim.contract import Fact
+from plcemu.monitor.formula import Formula
+from plcemu.verify.check import Check, Evidence, Finding
+from plcemu.verify.explore import Limits, explore
+from plcemu.verify.loop import State
+from plcemu.verify.ltl import Linear
 
 
 @dataclass(frozen=True)
@@ -185,3 +192,144 @@ class Tank:
 
     def done(self, action: str) -> list[str]:
         return [action]
+
+
+# ---------------------------------------------------------------- a closed loop written down
+
+
+Row = dict[str, bool | int | float | str]
+"""What the tags a, b and n are in a scan."""
+
+
+class Way(NamedTuple):
+    """A step of a written loop: what it does, how long after the last scan, and where to."""
+
+    name: str
+    elapsed_ns: int
+    after: int
+
+
+@dataclass
+class Written:
+    """A closed loop written down: what each state's scan shows, and its ways on; 0 is initial.
+
+    Each step is one scan. `tests` are the state formulas that checks ask about.
+    """
+
+    rows: Sequence[Row]
+    ways: Sequence[Sequence[Way]]
+    waiting: Sequence[frozenset[str]]
+    fairness: str = "weak"
+    tests: tuple[Formula, ...] = ()
+    merge: str = "none"
+    cycle_ns: int = 1
+    starting: int = 1
+    ever: int = 0
+
+    @property
+    def origins(self) -> dict[State, Any]:
+        return {self.state(n): n for n in range(self.starting)}
+
+    def state(self, n: int) -> State:
+        return State(bytes([n]), None, self.watch(bytes([n]), ()))
+
+    def initial(self) -> list[State]:
+        return list(self.origins)
+
+    def starts(self, number: Mapping[State, int]) -> list[tuple[Any, int]]:
+        return [(n, number[state]) for state, n in self.origins.items()]
+
+    def actions(self, state: State) -> Sequence[Way]:
+        return self.ways[state.memory[0]]
+
+    def next(self, state: State, action: Way) -> State:
+        return self.state(action.after)
+
+    def pending(self, state: State) -> frozenset[str]:
+        return self.waiting[state.memory[0]]
+
+    def done(self, action: Way) -> tuple[str, ...]:
+        return (action.name,)
+
+    def elapsed_ns(self, state: State, action: Way) -> int:
+        return action.elapsed_ns
+
+    def first_scans(self, plant: Any) -> Any:
+        return [(self.state(plant).memory, None)], None, ""
+
+    def facts(self, plant: Any) -> tuple[()]:
+        return ()
+
+    def watch(self, memory: bytes, facts: Any) -> int:
+        brute = Brute([self.rows[memory[0]]], 0, 1)
+        return sum(1 << k for k, test in enumerate(self.tests) if brute.three(test, 0))
+
+
+def judged(loop: Written, formula: Formula,
+           of: Callable[[Formula], Check | None] = Linear.of) -> tuple[Finding, Any]:
+    """What a check of a formula finds in a written loop, and the loop's graph."""
+    check = of(formula)
+    assert check is not None
+    loop.tests = (*check.watched, *check.tested)
+    graph: Any = explore(loop)  # type: ignore[arg-type]
+    evidence = Evidence(loop, graph, 0, len(check.watched), lambda n, s: bool(  # type: ignore[arg-type]
+        loop.watch(s.memory, ()) >> n & 1), Limits(states=2000))
+    return check.judge(evidence), graph
+
+
+@st.composite
+def written(draw: st.DrawFn, longest_ns: int = 1, fairness: str = "none") -> Written:
+    """Random loops of up to four states, each with a way on; what can be done may be pending."""
+    size = draw(st.integers(1, 4))
+    way = st.builds(Way, st.sampled_from(NAMES), st.integers(1, longest_ns),
+                    st.integers(0, size - 1))
+    ways = [draw(st.lists(way, min_size=1, max_size=3, unique_by=lambda w: (w.name, w.after)))
+            for _ in range(size)]
+    row = st.fixed_dictionaries({"a": st.booleans(), "b": st.booleans(), "n": st.integers(0, 2)})
+    more = st.frozensets(st.sampled_from(NAMES))
+    return Written([draw(row) for _ in range(size)], ways,
+                   [draw(more) & {w.name for w in ways[n]} for n in range(size)], fairness)
+
+
+class Round(NamedTuple):
+    """A run of a written loop: ways in, and ways that are repeated for ever."""
+
+    begin: list[Way]
+    loop: list[Way]
+
+
+def rounds(loop: Written, longest: int) -> Iterator[Round]:
+    """Yield all runs of up to so many steps in and round together, from state 0."""
+    def walks(here: int, left: int) -> Iterator[list[Way]]:
+        yield []
+        if left:
+            for way in loop.ways[here]:
+                yield from ([way, *rest] for rest in walks(way.after, left - 1))
+
+    for walk in walks(0, longest):
+        at = [0, *(way.after for way in walk)]
+        yield from (Round(walk[:k], walk[k:]) for k in range(len(walk)) if at[k] == at[-1])
+
+
+def is_fair(loop: Written, run: Round) -> bool:
+    """Whether a run is fair, by the definition: what is pending and what is done in its round."""
+    if loop.fairness == "none":
+        return True
+    states = [way.after for way in run.loop]
+    done = {way.name for way in run.loop}
+    joined = all if loop.fairness == "weak" else any
+    return all(name in done or not joined(name in loop.waiting[s] for s in states)
+               for name in NAMES)
+
+
+def truth(loop: Written, run: Round, formula: Formula) -> bool:
+    """Whether a run satisfies a formula, instant by instant, by the definitions alone."""
+    states = [0, *(way.after for way in (*run.begin, *run.loop))]
+    ways = [*run.begin, *run.loop, run.loop[0]]
+    lengths = [way.elapsed_ns for way in ways]
+    scans = [sum(lengths[:n]) for n in range(len(ways))]
+    rows = [loop.rows[s] for s, length in zip(states, lengths, strict=True) for _ in range(length)]
+    # The scan at which the round closes stands as long as the next round's first step takes.
+    enter = len(run.begin) + 1
+    begin = sum(lengths[:enter])
+    return Lasso(rows[:begin], rows[begin:], formula, scans).holds(formula, 0)

@@ -112,3 +112,8 @@ def test_inputs_stand_still_while_the_net_can_fire() -> None:
     graph = explore(prover.loop)
     moving = [n for n, s in enumerate(graph.states) if unstable(s.memory, s.plant.values)]
     assert moving and all(len(graph.targets(n)) == 1 for n in moving)
+
+
+def test_that_parts_are_live_as_printed_says_no_more_than_that_one_of_them_is() -> None:
+    assert any("EF T5" in part for part in proved(1)["live"].finding.vacuous_in)
+    assert proved(1)["live_each"].finding.vacuous_in == ()

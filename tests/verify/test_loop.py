@@ -146,10 +146,15 @@ def test_a_premise_that_is_never_true_is_reported() -> None:
     assert found["b"].finding.vacuous_in == ()
 
 
-def test_a_formula_that_no_check_takes_is_inconclusive() -> None:
-    found = proofs(CAREFUL, "t: G (high -> F[0s,1s] !valve)\np: G rise(high)")
-    assert all(p.finding.verdict == "inconclusive" for p in found.values())
-    assert "durations" in found["t"].finding.reason
+@pytest.mark.parametrize(("formula", "reason"), [
+    ("G (high -> F[0s,1s] !valve)", "durations"), ("G (high -> X !valve)", "counts scans"),
+    ("AG EF high", "every scan"), ("AG F high", "mixes AG"), ("G changed(closed)", "numbers"),
+    ("G ago(closed, 1s) = 0", "ago"),
+    ("G O (high U F[0s,1s] valve)", "has durations in it")])
+def test_a_formula_that_no_check_takes_is_inconclusive_and_told_why(formula: str,
+                                                                   reason: str) -> None:
+    finding = proofs(CAREFUL, f"it: {formula}")["it"].finding
+    assert finding.verdict == "inconclusive" and reason in finding.reason
 
 
 def test_a_limit_is_inconclusive_and_never_holds() -> None:

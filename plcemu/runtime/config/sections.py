@@ -248,6 +248,7 @@ class VerifySection(Section):
     parameters: dict[str, Any] = {}
     initial: str | None = None
     merge: Literal["stable", "none"] = "stable"
+    fairness: Literal["weak", "strong", "none"] = "weak"
     frozen: str | None = None
     sipn_single_firing: bool | None = None
     monitored: bool = True
