@@ -317,8 +317,7 @@ class TimedLoop(ClosedLoop):
 
     def scan_at(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
         """Memory after one real scan that sees a plant, once some time has passed."""
-        raw = self._views.of(plant).inputs.raw
-        return self.machine.scan(memory, self.machine.image(raw), elapsed_ns)
+        return self.machine.scan(memory, self._views.image(self._views.of(plant)), elapsed_ns)
 
     def _told(self, plant: Hashable, memory: bytes) -> Outcome:
         told = bytes([memory[n] for n in self._views.told])
