@@ -120,7 +120,7 @@ class Prover:
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
                  fairness: Fairness = "weak", together: bool = True) -> None:
-        self.cycle_ns, self.properties = cycle_ns, list(properties)
+        self.cycle_ns, self.properties, self.frozen = cycle_ns, list(properties), frozen
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
