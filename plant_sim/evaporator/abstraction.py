@@ -69,16 +69,18 @@ class Durations(Parameters):
     fill_s: float = parameter(6.0, "filling tank 1 takes at most", unit="s", low=0.0, high=1e6)
     empty_s: float = parameter(26.0, "emptying tank 2 takes at most", unit="s", low=0.0, high=1e6)
     drain: str = parameter("0", "tank 1 drains within", unit="s", read=_read_drain)
+    solid: str = parameter("any", "which solution may become solid: any, or that of a full tank 1 "
+                           "that has not begun to drain", allowed=("any", "full"))
 
 
 class EvaporatorAbstraction(TimedNetwork):
     """The evaporator in time.
 
     Args:
-        parameters: `fill_s`, `empty_s` and `drain` (see `Durations`), and those of the plant, of
-            which `steam_after_s`, `solid_after_s` and `burst_s` count; `drain: torricelli` is the
-            time that a full tank 1 needs with `A1`, `G1`, `Ht1` and `g`, between the thousandths
-            of a second below and above it.
+        parameters: `fill_s`, `empty_s`, `drain` and `solid` (see `Durations`), and those of the
+            plant, of which `steam_after_s`, `solid_after_s` and `burst_s` count; `drain:
+            torricelli` is the time that a full tank 1 needs with `A1`, `G1`, `Ht1` and `g`,
+            between the thousandths of a second below and above it.
 
     Raises:
         AbstractionError: a parameter does not exist or cannot have its value.
@@ -101,7 +103,8 @@ class EvaporatorAbstraction(TimedNetwork):
             "tank1": tank_1(_exact(durations.fill_s), *drain),
             "tank2": tank_2(_exact(durations.empty_s), drains_at_once=not drain[1]),
             "condenser": condenser(burst - steam, steam),
-            "solution": solution(steam, _exact(plant.solid_after_s), drains_at_once=not drain[1]),
+            "solution": solution(steam, _exact(plant.solid_after_s),
+                                 ends_with_drain=bool(drain[1]) and durations.solid == "any"),
         }, TRUTHS)
 
 
@@ -164,7 +167,7 @@ def tank_1(fill: Fraction, drain_low: Fraction, drain_high: Fraction) -> Automat
         transition("brimming", "overflow", label="tank 1 runs over"),
         _at_command("brimming", "full", V1=False, V2=False),
         *(_at_command("full", "brimming", valve=valve) for valve in ("V1", "V2")),
-        *(_at_command("part", "filling", sets="t1", valve=valve) for valve in ("V1", "V2"))]
+        *(_at_command("part", "filling", "fill", "t1", valve=valve) for valve in ("V1", "V2"))]
     return Automaton(tuple(places), tuple(moves), "empty", ())
 
 
@@ -215,20 +218,25 @@ def condenser(bears: Fraction, steam: Fraction) -> Automaton:
     return Automaton(tuple(places), tuple(moves), "good", ())
 
 
-def solution(steam: Fraction, solid: Fraction, drains_at_once: bool) -> Automaton:
-    """What is in tank 1: it boils, steams on, cools, becomes solid; a solid does not drain."""
+def solution(steam: Fraction, solid: Fraction, ends_with_drain: bool) -> Automaton:
+    """What is in tank 1: it boils, steams on, cools, becomes solid; a solid does not drain.
+
+    It counts until the drain ends, or only until it begins.
+    """
     places = [_place("none"), _place("cold"), _place("boiling"), _place("steaming", "h", steam),
               _place("warm", "h"), _place("solid")]
     moves = [
-        transition("none", "cold", label="fill"), transition("solid", "solid", label="fill"),
+        transition("none", "cold", label="fill"),
+        *(transition(place, place, label="fill") for place in (*WET, "solid")),
         *(_at_command(source, "boiling", H=True) for source in ("cold", "steaming", "warm")),
         _at_command("boiling", "steaming", sets="h", H=False),
         transition("steaming", "warm", f"h >= {steam}", {"h": 0}, "the steam ends"),
         transition("warm", "solid", f"h >= {solid}", label="the solution becomes solid")]
     begins = ("drain", "drain a part")
-    ends = begins if drains_at_once else ("tank 1 is empty", "the rest of tank 1 has drained")
+    ends = ("tank 1 is empty", "the rest of tank 1 has drained") if ends_with_drain else begins
     moves += [transition(place, "none", label=label) for place in WET for label in ends]
-    if not drains_at_once:
-        moves += [transition(place, place, label=label) for place in WET for label in begins]
+    through = (*WET, "none") if ends_with_drain else ("none",)
+    moves += [transition(place, place, label=label) for place in through for label in begins]
+    if ends_with_drain:
         moves += [transition("solid", "solid", label=label) for label in ends]
     return Automaton(tuple(places), tuple(moves), "none", ())

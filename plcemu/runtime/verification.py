@@ -89,6 +89,8 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
         if section.frozen is not None:
             raise config.mistake(("verify", "frozen"), "does not go with merge: timed, where the "
                                  "plant's invariants say when something must happen")
+        if recorded:
+            raise config.mistake(("verify", "merge"), "is timed, and SPIN keeps no time")
     if recorded:
         plant = RecordedPlant(plant)
     return Prover(make_resource(config, program), plant, inputs, outputs,

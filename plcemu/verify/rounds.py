@@ -22,7 +22,7 @@ from plcemu.verify.settle import (
 MOST = 128
 """Steps made together; with more, what is known of them outgrows the processor's cache."""
 
-_state: Callable[[tuple[bytes, Hashable, int, str]], State]
+_state: Callable[[tuple[bytes, Hashable, int, str, tuple[int, ...]]], State]
 _state = partial(tuple.__new__, State)  # as State(...), in half the time
 
 

@@ -28,7 +28,6 @@ from plcemu.io.mapping import Point
 from plcemu.verify.clocks import Clock, Lookout
 from plcemu.verify.loop import ClosedLoop, Fairness, FinitePlant, State, Trail, nothing_watched
 from plcemu.verify.machine import ScanMachine
-from plcemu.verify.views import Outcome
 
 _CELL = struct.Struct("<qq")
 
@@ -311,18 +310,6 @@ class TimedLoop(ClosedLoop):
         """What decides how a run goes on: all of a state but what was seen on the way to it."""
         return state._replace(seen=0) if state.seen else state
 
-    def follow(self, plant: Hashable, memory: bytes) -> Hashable:
-        """The plant once its actuators follow the outputs in memory."""
-        return self._told(plant, memory)[1].state
-
-    def scan_at(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
-        """Memory after one real scan that sees a plant, once some time has passed."""
-        return self.machine.scan(memory, self._views.image(self._views.of(plant)), elapsed_ns)
-
-    def _told(self, plant: Hashable, memory: bytes) -> Outcome:
-        told = bytes([memory[n] for n in self._views.told])
-        return self._views.outcome(self._views.of(plant), told)
-
     def first_scans(self, plant: Hashable) -> Trail:
         """The scans from a cold start to the initial state of that plant."""
         return self._settle(self.machine.initial, plant)
@@ -341,7 +328,7 @@ class TimedLoop(ClosedLoop):
 
     def resting(self, state: Any) -> int:
         """Which of the told formulas hold while time passes at a place."""
-        return self._told(state.plant, state.memory)[0] & self._settling.told
+        return self.outcome(state.memory, state.plant)[0] & self._settling.told
 
     def pending(self, state: Any) -> Collection[str]:
         """Time, which passes without end; and what is pending in the plant."""

@@ -257,11 +257,11 @@ class _Real:
         """Make a scan; return False if the program faults."""
         loop, elapsed = self.loop, self.cycle_ns if self.scans else 0
         try:
-            self.memory = loop.scan_at(self.memory, self.plant, elapsed)
+            self.memory = loop.scan(self.memory, self.plant, elapsed)
         except ProgramFault:
             return False
         self.scans.append((self.memory, self.plant, text))
-        self.plant = loop.follow(self.plant, self.memory)
+        self.plant = loop.outcome(self.memory, self.plant)[1]
         return True
 
     def _shape(self, memory: bytes) -> tuple[int, tuple[int, ...]]:

@@ -151,6 +151,11 @@ def test_with_the_real_drain_the_paper_s_properties_hold_but_it_may_become_solid
     assert story[-3:] == ["the condenser fails", "the steam ends", "the solution becomes solid"]
 
 
+def test_it_cannot_if_only_that_of_a_full_tank_can() -> None:
+    """The reading notes' words: "the solution of a full tank 1"."""
+    assert named(proved(REAL_DRAIN, "verify.parameters.solid=full"), "violated") == set()
+
+
 @pytest.mark.parametrize(("empty_s", "verdict"), [("23.241", "holds"), ("23.242", "violated")])
 def test_it_may_from_the_emptying_time_on_that_the_budget_gives(empty_s: str,
                                                                verdict: str) -> None:
