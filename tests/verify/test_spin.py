@@ -108,7 +108,7 @@ def reached(system: Steps) -> set[int]:
 
 
 def staying(system: Steps) -> Steps:
-    """The system with a step that stays where nothing is pending, as at a rest nothing has to be."""
+    """The system with a step that stays where nothing is pending: there nothing is owed."""
     return Steps({n: {**row, **({} if system.waiting[n] else {"stay": n})}
                   for n, row in system.table.items()}, system.waiting)
 
@@ -147,6 +147,30 @@ def test_faults_and_what_follows_them_are_the_same(merge: str) -> None:
     assert fault.answer.verdict == "violated" and fault.answer.path is not None
     assert fault.answer.path.fault.startswith("division by zero")
     assert next(p.name for p in result.proofs) == "no_fault"
+
+
+LINEAR = """until: plant.state = 0 U here > 0
+weak: here < 3 W odd
+release: odd R here < 6
+respond: G (good -> F odd)
+settles: F G !good
+goes: (G F good) -> (G F odd)
+either: (G here < 4) <-> (F turns = 2)
+neither: !(good U (odd | here = 5))
+next: G (good -> X !good)
+"""
+
+
+def test_formulas_of_ltl_are_judged_alike_where_every_scan_is_a_state() -> None:
+    systems = [random_steps(seed) for seed in range(100, 125)]
+    _, opinion = both(FOLLOWING, Systems(systems), [point("here", "%IW0")], [], LINEAR,
+                      merge="none")
+    assert not opinion.differs and not opinion.undecided
+    asked = {row.name for row in opinion.rows if row.asked}
+    assert asked == {"no_fault", "until", "weak", "release", "respond", "settles", "goes", "either",
+                     "neither"}
+    assert sum(row.answer.verdict == "violated" for row in opinion.rows) > 30
+    assert sum(row.answer.verdict == "holds" for row in opinion.rows) > 60
 
 
 # ---------------------------------------------------------------- free inputs
