@@ -58,6 +58,8 @@ class Form:
 
     def seen(self, lines: Mapping[str, Line], t_ns: int) -> Course:
         """The combination as a function of the time after `t_ns`, without rounding."""
+        if not self.terms:
+            return Course(self.constant, 0, 1)
         if len(self.terms) == 1:
             ((name, factor),) = self.terms
             start, num, den, t0_ns = lines[name]

@@ -43,26 +43,22 @@ class Reading:
 
         True as long as the lines stay.
         """
-        if len(self.top.terms) == 1 and not self.bottom.terms:
-            return self._read_level(lines, t_ns)
         top, bottom = self.top.seen(lines, t_ns), self.bottom.seen(lines, t_ns)
         if bottom.value <= 0:
             return self.undefined, self._change_when_defined(lines, t_ns, bottom)
+        if not bottom.slope:
+            return self._read_over(top, bottom.value * top.den, bottom.den, t_ns)
         count = self._count(top, bottom)
         dt = NEVER_NS
-        if top.slope or bottom.slope:
-            if count < self.high:
-                dt = self._until_above(top, bottom, count)
-            if count > self.low:
-                dt = min(dt, self._until_below(top, bottom, count))
+        if count < self.high:
+            dt = self._until_above(top, bottom, count)
+        if count > self.low:
+            dt = min(dt, self._until_below(top, bottom, count))
         return count, t_ns + dt if dt < NEVER_NS else NEVER_NS
 
-    def _read_level(self, lines: Mapping[str, Line], t_ns: int) -> tuple[int, int]:
-        """The same for one quantity over a constant, by far the most frequent reading."""
-        ((name, factor),) = self.top.terms
-        start, num, den, t0_ns = lines[name]
-        slope, unit = factor * num, self.bottom.constant * den
-        value = factor * (start * den + num * (t_ns - t0_ns)) + self.top.constant * den
+    def _read_over(self, top: Course, unit: int, factor: int, t_ns: int) -> tuple[int, int]:
+        """The same where `unit` stays, for top * factor / unit: by far the most frequent case."""
+        value, slope = top.value * factor, top.slope * factor
         ceiling = self.rounding is Rounding.CEILING
         count = -(-value // unit) if ceiling else (2 * value + unit) // (2 * unit)
         count = min(max(count, self.low), self.high)

@@ -12,6 +12,7 @@ from typing import Any
 from rich.status import Status
 from rich.table import Table
 
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="write the closed loop as a model for SPIN, and judge nothing")
 
 
+@paused_collector()
 def execute(arguments: argparse.Namespace) -> int:
     """Prove, and return 1 unless every property holds."""
     if arguments.save is not None and not arguments.save.is_dir():

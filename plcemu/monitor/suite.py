@@ -38,6 +38,9 @@ class Suite:
     Raises:
         CompileError: a property names no tag, mixes up types, or cannot be judged on one run;
             with every mistake found.
+
+    Attributes:
+        undecided: how many properties have no final verdict yet.
     """
 
     def __init__(self, properties: Iterable[Property], tags: TagTable) -> None:
@@ -145,11 +148,6 @@ class Suite:
             self._set_wake()
             self._exact = True
         return self._wake_ns
-
-    @property
-    def undecided(self) -> int:
-        """How many properties have no final verdict yet."""
-        return len(self._open)
 
     def verdicts(self) -> list[str]:
         """Return the verdicts alone, in the order the properties were given.
@@ -318,6 +316,7 @@ class Suite:
         self._masks = [every] * len(self._now)
         self._read = tuple({index for watch in self._open for index in watch.tags_used})
         self._touched.clear()
+        self.undecided = len(self._open)
         self._moved = (1 << len(self._open)) - 1
         self._restless = sum(1 << i for i, watch in enumerate(self._open) if watch.restless)
         for i, watch in enumerate(self._open):

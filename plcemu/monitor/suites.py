@@ -160,10 +160,10 @@ class Suites:
     @property
     def undecided(self) -> int:
         """How many properties have no final verdict yet."""
-        undecided = 0
-        for member in self._members:
-            undecided += member.suite.undecided
-        return undecided
+        members = self._members
+        if len(members) == 1:
+            return members[0].suite.undecided
+        return sum(member.suite.undecided for member in members)
 
     def verdicts(self) -> list[str]:
         """Return the verdicts alone, in the order the properties were given."""

@@ -63,12 +63,14 @@ class Checkpoint:
         shown: what the last frame told: memory, then the other tags by source; None before it.
         counters: the attributes of the counters that are numbers.
         scans: how many each task has made.
+        times: the times of steps that only properties read, and whether they ran.
         played: how many steps of the scenario have been played.
         suite: the monitors.
     """
 
     place: tuple[int, int, int]
     shown: tuple[bytes, tuple[tuple[Value | None, ...], ...]] | None
+    times: tuple[tuple[Value, ...], bool]
     counters: dict[str, int]
     scans: tuple[int, ...]
     resource: ResourceCheckpoint
@@ -345,7 +347,8 @@ class Cycle:
         memory = self.resource.memory
         shown = (memory.shown, tuple(tuple(v) for v in self._last)) if self._started else None
         return Checkpoint(
-            (self.t_ns, self.now_ns, self.scan_number), shown, self.counters.numbers(),
+            (self.t_ns, self.now_ns, self.scan_number), shown,
+            (tuple(self._times), self._times_run), self.counters.numbers(),
             tuple(each.scans for each in self.resource.statistics), self.resource.checkpoint(),
             self.exchange.checkpoint(),
             self.plant.checkpoint() if self.plant is not None else None,
@@ -369,6 +372,7 @@ class Cycle:
         if self.reactions is not None and point.reactions is not None:
             self.reactions.return_to(point.reactions)
         self.tell_all()
+        self._times, self._times_run = list(point.times[0]), point.times[1]
         if point.shown is not None:
             self._started = True
             self.resource.memory.shown = point.shown[0]
@@ -391,7 +395,7 @@ class Cycle:
         before the limit is never passed over, so that all clocks stand right in the end.
         """
         resource = self.resource
-        if self.exchange.waiting or self._times_run or \
+        if self._times_run or self.exchange.waiting or \
                 (self.reactions is not None and self.reactions.must_look()):
             return
         rest = resource.rest()

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from hil.coupling import Checkpoint as CouplingCheckpoint
 from hil.coupling import Coupling, picker
+from plant_sim.contract import PortValue
 from plcemu.base.tags import Tag
-from plcemu.base.types import Value
 from plcemu.io.exchange import Exchange
 from plcemu.io.mapping import Point
 
@@ -26,7 +26,7 @@ class Checkpoint(NamedTuple):
     coupling: CouplingCheckpoint
     stepped_aside: bool
     written: tuple[int, ...]
-    values: tuple[Value, ...]
+    values: tuple[PortValue, ...]
     event_ns: int | None
     pending: tuple[tuple[str, int, bytes, bytes | None], ...]
 
@@ -67,7 +67,7 @@ class LocalPlant:
         self._values = self._read()
         self._event_ns = coupling.next_event_ns()
 
-    def values(self) -> tuple[Value, ...]:
+    def values(self) -> tuple[PortValue, ...]:
         """Return the values of the tags, in their order."""
         return self._values
 
@@ -141,13 +141,13 @@ class LocalPlant:
                 self._give(self._inputs[sensor], values[sensor])
         self._event_ns = self.coupling.next_event_ns()
 
-    def _give(self, n: int, reading: Value) -> None:
+    def _give(self, n: int, reading: PortValue) -> None:
         raw = self.coupling.to_raw(n, reading)
         if self._written and raw != self._written[n]:
             self._written[n] = raw
             self._port.write(*self.coupling.inputs[n].image_write(raw))
 
-    def _read(self) -> tuple[Value, ...]:
+    def _read(self) -> tuple[PortValue, ...]:
         """Return the present values of the tags."""
         return self._pick_sensors(self.coupling.sense()) + \
             self._pick_facts(self.coupling.plant.observe())

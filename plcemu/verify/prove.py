@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from plant_sim.abstraction import Abstraction
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
@@ -168,6 +169,7 @@ class Prover:
                         "that no event of the plant comes during the few scans until then")
         return cuts
 
+    @paused_collector()
     def prove(self, limits: Limits = Limits(),  # noqa: B008
               on_progress: Callable[[Progress], None] | None = None) -> Result:
         """Explore, and judge every property."""
