@@ -328,7 +328,11 @@ class PromelaModel:
                     yield f"seen_{number}_{n} = 0;"
         yield "scans = 0;"
         yield "if"
-        yield ":: fault -> choice = 0; goto judged"
+        yield ":: fault ->"
+        yield "  choice = 0;"
+        for line in self._noted():
+            yield "  " + line
+        yield "  goto done"
         yield ":: else ->"
         yield "  made = c_expr { (plant_move)(now.plant, Pevent->who, now.choice) };"
         yield '  printf("move %d\\n", made);'
@@ -348,9 +352,7 @@ class PromelaModel:
         yield "/* ---- the end of the scan ---- */"
         yield "scanned: skip;"
         yield from self._stopped()
-        yield "judged: skip;"
         yield from self._judged()
-        yield "if :: fault -> goto done :: else fi;"
         yield from self._follow()
         yield "done: skip;"
         for number in (n for n, q in enumerate(self.questions) if q.kind == "rest"):
@@ -368,6 +370,9 @@ class PromelaModel:
             yield f"  /* {n + 1}: {reason.replace('*/', '* /')} */"
         for cell in self._kept():
             yield f"  {cell.name} = before_{cell.name};"
+        if not self.stable:  # the scan that faulted is a state of its own all the same
+            for line in self._noted():
+                yield "  " + line
         yield '  if :: asked(0) -> printf("found 0\\n"); assert(false) :: else fi;'
         yield "  goto done"
         yield ":: else"
@@ -381,7 +386,12 @@ class PromelaModel:
                 yield f"/* {question.name} */"
                 yield (f"if :: {question.texts[0]} && asked({number}) -> "
                        f'printf("found {number}\\n"); assert(false) :: else fi;')
-            elif question.kind == "again":
+        yield from self._noted()
+
+    def _noted(self) -> Iterator[str]:
+        """Write the bits of what is seen in a scan, or holds where nothing happens any more."""
+        for number, question in enumerate(self.questions):
+            if question.kind == "again" and not question.why_not:
                 for n, text in enumerate(question.texts):
                     yield f"seen_{number}_{n} = seen_{number}_{n} || {text};"
 

@@ -356,8 +356,9 @@ def _letters(prover: Prover, question: Question, states: Sequence[State],
     trails = [loop.first_scans(loop.origins[states[0]])]
     trails += [loop.scans(states[n], step.action)
                for n, step in enumerate([*run.stem, *run.cycle])]
-    return [[[test(memory, loop.facts(plant)) for test in tests] for memory, plant in scans]
-            for scans, _, _ in trails]
+    return [[[test(memory, loop.facts(plant)) for test in tests]
+             for memory, plant in scans or [(state.memory, state.plant)]]
+            for (scans, _, _), state in zip(trails, states, strict=True)]
 
 
 def _shows(question: Question, letters: Sequence[Sequence[Sequence[bool]]], run: Lasso) -> str:

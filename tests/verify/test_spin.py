@@ -149,6 +149,25 @@ def test_faults_and_what_follows_them_are_the_same(merge: str) -> None:
     assert next(p.name for p in result.proofs) == "no_fault"
 
 
+FAULTY = """PROGRAM MAIN
+VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; lit : BOOL; k : INT; END_VAR
+  valve := TRUE;
+  lit := ANSWER;
+  IF high THEN k := 1 / k; END_IF;
+END_PROGRAM
+"""
+
+
+@pytest.mark.parametrize(("lit", "verdict"), [("TRUE", "holds"), ("FALSE", "violated")])
+@pytest.mark.parametrize("merge", ["stable", "none"])
+def test_after_a_fault_memory_stays_as_before_the_scan(merge: str, lit: str,
+                                                       verdict: str) -> None:
+    _, opinion = both(FAULTY.replace("ANSWER", lit), Tank(), [point("high", "%IX0.0")],
+                      [point("valve", "%QX0.0")], "lit: G F lit", merge=merge)
+    assert not opinion.differs and not opinion.undecided
+    assert [row.answer.verdict for row in opinion.rows] == ["violated", verdict]
+
+
 LINEAR = """until: plant.state = 0 U here > 0
 weak: here < 3 W odd
 release: odd R here < 6
