@@ -2,9 +2,9 @@
 
 One load in the readable ways, one scan after the other with both engines, beside many at once; then
 the 30 loads in both ways on the fast engine, and all 8100 initial configurations. Scans are those
-that the engine executed, none remembered; the rate is that of the exploration, with the finite plant
-and all bookkeeping. Then `plcemu verify` for the 30 loads as a command, from its start to its end
-with the judgement of every property, and the least periods of all loads with their checked
+that the engine executed, none remembered; the rate is that of the exploration, with the finite
+plant and all bookkeeping. Then `plcemu verify` for the 30 loads as a command, from its start to its
+end with the judgement of every property, and the least periods of all loads with their checked
 certificates. Seconds are of the processor, since other work on the machine only adds; where
 it shares the processor's caches, it still slows everything down, so compare within a run.
 

@@ -166,7 +166,9 @@ class HybridPlant(ABC):
         self._put(quantity, self._lines[quantity].with_value(value, self._t_ns))
 
     def _slope(self, quantity: str, slope: Fraction) -> None:
-        self._put(quantity, self._lines[quantity].with_slope(slope, self._t_ns))
+        line = self._lines[quantity]
+        if (line.num, line.den) != slope.as_integer_ratio():
+            self._put(quantity, line.with_slope(slope, self._t_ns))
 
     def _put(self, quantity: str, line: Line) -> None:
         if line is not self._lines[quantity]:

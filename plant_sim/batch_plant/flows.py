@@ -68,6 +68,8 @@ class TankMode(NamedTuple):
     @property
     def word(self) -> str:
         """The mode as text."""
+        if self.at_rest:
+            return ""
         parts = [flow.name for flow in self.inflows + self.outflows]
         return " ".join([*parts, self.thermal, "full" if self.spilled else ""]).strip()
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 from plant_sim.batch_plant import summary, supervision
@@ -43,7 +43,6 @@ from plant_sim.batch_plant.tanks import BatchTanks
 from plant_sim.batch_plant.units import FINE, STEAM_HEAT
 from plant_sim.contract import FactValue
 from plant_sim.hybrid import Guard, Timer
-from plant_sim.lines import Form
 from plant_sim.memory import Memory
 
 REFRESH_NS = 1_000_000_000
@@ -92,24 +91,8 @@ class BatchPlant(BatchTanks):
         self._set_refresh(modes)
         supervision.supervise(self, modes)
 
-    @cached_property
-    def _ends(self) -> dict[str, dict[str, Guard]]:
-        """What can end a tank's mode, by tank and event."""
-        ends = {}
-        for tank, brim in self.units.brims.items():
-            volume, heat = f"{tank}.volume", f"{tank}.heat"
-            forms = {
-                "empty": Form(((volume, -1),)),
-                "full": Form(((volume, 1),), -brim),
-                "wet": Form(((volume, 1),), -self.units.wet),
-                "cooled": Form(((heat, -1),)),
-                "boiling": Form(((heat, 1), (volume, -STEAM_HEAT))),
-            }
-            ends[tank] = {event: Guard(f"{tank} {event}", form) for event, form in forms.items()}
-        return ends
-
     def _guards(self) -> Iterable[Guard]:
-        for tank, ends in self._ends.items():
+        for tank, ends in self.ends.items():
             rising = self._rises(f"{tank}.volume")
             if rising < 0:
                 yield ends["empty"]
@@ -150,9 +133,10 @@ class BatchPlant(BatchTanks):
     def _move(self, tank: str, mode: TankMode) -> None:
         memory = self.memory
         self._slope(f"{tank}.volume", whole(mode.net))
+        rests = mode.at_rest
         for stuff in (SALT, HEAT):
             change = STILL
-            if not mode.at_rest:
+            if not rests:
                 change = memory.rates[f"{tank}.power"] if stuff == HEAT else STILL
                 for flow in mode.inflows:
                     change = plus(change, flow.of(stuff, memory))

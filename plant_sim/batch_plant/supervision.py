@@ -29,6 +29,7 @@ BATCH_TIMES_KEPT = 1000
 """Latest batch starts kept for the period in the report."""
 
 _BOOLS = tuple(fact.name for fact in FACTS if fact.kind == "bool")
+_FLOWS = [(transfer, f"{transfer.name} flows") for transfer in TRANSFERS]
 _NOT_SINCE = -1
 _BATCH_OPEN = "batch in B3 counted"
 
@@ -101,8 +102,8 @@ def _note_transfers(plant: BatchTanks, running: Mapping[str, Transfer]) -> None:
     flags = plant.memory.flags
     if plant.volume(MIXER_TANK) == 0 or any(t.sink == MIXER_TANK for t in running.values()):
         flags[_BATCH_OPEN] = False
-    for transfer in TRANSFERS:
-        flag, flows = f"{transfer.name} flows", transfer.name in running
+    for transfer, flag in _FLOWS:
+        flows = transfer.name in running
         if flows and not flags[flag]:
             second = transfer.process_second and plant.volume(transfer.sink) > 0
             plant.note(transfer.process_second if second else transfer.process)

@@ -10,9 +10,25 @@ from plant_sim.batch_plant.instruments import FACTS, ports_of, readings_of
 from plant_sim.batch_plant.layout import COOLERS
 from plant_sim.batch_plant.loads import tanks_of_load
 from plant_sim.batch_plant.parameters import BatchParameters
-from plant_sim.batch_plant.units import Units
-from plant_sim.hybrid import HybridPlant
-from plant_sim.lines import seconds_to_ns
+from plant_sim.batch_plant.units import STEAM_HEAT, Units
+from plant_sim.hybrid import Guard, HybridPlant
+from plant_sim.lines import Form, seconds_to_ns
+
+
+def ends_of(units: Units) -> dict[str, dict[str, Guard]]:
+    """What can end a tank's mode, by tank and event."""
+    ends = {}
+    for tank, brim in units.brims.items():
+        volume, heat = f"{tank}.volume", f"{tank}.heat"
+        forms = {
+            "empty": Form(((volume, -1),)),
+            "full": Form(((volume, 1),), -brim),
+            "wet": Form(((volume, 1),), -units.wet),
+            "cooled": Form(((heat, -1),)),
+            "boiling": Form(((heat, 1), (volume, -STEAM_HEAT))),
+        }
+        ends[tank] = {event: Guard(f"{tank} {event}", form) for event, form in forms.items()}
+    return ends
 
 
 class BatchTanks(HybridPlant):
@@ -25,6 +41,7 @@ class BatchTanks(HybridPlant):
         if not isinstance(parameters, BatchParameters):
             parameters = BatchParameters.of(parameters or {})
         self.units = Units(parameters)
+        self.ends = ends_of(self.units)
         self._heat_up_ns = seconds_to_ns(parameters.heat_up_s)
         self._cooling_ns = {
             cooler.tank: seconds_to_ns(getattr(parameters, cooler.duration)) for cooler in COOLERS
