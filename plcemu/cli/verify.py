@@ -12,11 +12,14 @@ from typing import Any
 from rich.status import Status
 from rich.table import Table
 
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.cli.output import add_config_arguments, console, print_json
+from plcemu.cli.spin import print_opinion, write_promela
 from plcemu.runtime.config import Config, load_config
 from plcemu.runtime.counterexamples import save_counterexample
+from plcemu.runtime.second_opinion import ask_spin
 from plcemu.runtime.verification import fires_once, limits_of, make_prover
 from plcemu.verify.explore import Progress
 from plcemu.verify.prove import HOLDS, INCONCLUSIVE, VIOLATED, Proof, Prover, Result
@@ -26,9 +29,10 @@ EPILOG = """examples:
   plcemu verify il_programs/batch_plant                       # from the configured load
   plcemu verify il_programs/batch_plant --set initial=loads   # from all 30 loads of the paper
   plcemu verify il_programs/batch_plant --set load=7.5 --property produces --save .
+  plcemu verify il_programs/batch_plant --set initial=loads --spin     # SPIN judges as well
 
-Exit code 1 if a property is violated, a limit was reached before it was decided, or one that was
-asked for by name cannot be decided here."""
+Exit code 1 if a property is violated, a limit was reached before it was decided, one that was
+asked for by name cannot be decided here, or SPIN judges otherwise."""
 
 _SHOWN = 6
 """Initial states that are named before the rest is only counted."""
@@ -42,23 +46,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--save", metavar="FOLDER", type=Path,
                         help="write each counterexample as a scenario, NAME.yaml, for "
                         "simulate --no-plant --scenario, and its property, NAME.prop")
+    parser.add_argument("--spin", action="store_true", help="let the model checker SPIN judge a "
+                        "model of the closed loop as well, and compare (needs spin and gcc)")
+    parser.add_argument("--promela", metavar="FILE", type=Path,
+                        help="write the closed loop as a model for SPIN, and judge nothing")
 
 
+@paused_collector()
 def execute(arguments: argparse.Namespace) -> int:
     """Prove, and return 1 unless every property holds."""
     if arguments.save is not None and not arguments.save.is_dir():
         raise PlcemuError(f"--save {arguments.save}: there is no such folder")
     config = load_config(arguments.config, arguments.overrides)
-    prover = make_prover(config, arguments.names)
+    prover = make_prover(config, arguments.names,
+                         recorded=bool(arguments.spin or arguments.promela))
     result = _with_progress(lambda told: prover.prove(limits_of(config), told))
+    if arguments.promela is not None:
+        for line in write_promela(arguments.promela, prover, result, config.name):
+            console().print(line)
+        return 0
+    opinion = ask_spin(prover, result, config.name, limits_of(config)) if arguments.spin else None
     saved = _save(arguments, config, result, prover) if arguments.save else []
     if arguments.json:
-        print_json(document_of(config.name, result))
+        document = document_of(config.name, result)
+        print_json(document if opinion is None else {**document, "spin": opinion.as_json()})
     else:
         _print(config.title, result)
         for line in saved:
             console().print(line)
-    return 1 if any(_fails(p, arguments.names) for p in result.proofs) else 0
+        if opinion is not None:
+            print_opinion(opinion)
+    fails = any(_fails(p, arguments.names) for p in result.proofs)
+    return 1 if fails or (opinion is not None and (opinion.differs or opinion.undecided)) else 0
 
 
 def _fails(proof: Proof, names: list[str] | None) -> bool:

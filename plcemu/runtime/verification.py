@@ -16,6 +16,7 @@ from plcemu.runtime.free_inputs import FREE_INPUTS, all_inputs, free_inputs, is_
 from plcemu.runtime.wiring import make_coupling, make_resource
 from plcemu.verify.check import is_plain
 from plcemu.verify.explore import Limits
+from plcemu.verify.promela_plant import RecordedPlant
 from plcemu.verify.prove import Prover
 
 
@@ -63,13 +64,15 @@ def load_demands(config: Config, names: list[str] | None = None) -> list[Propert
     return [known[name.casefold()] for name in names]
 
 
-def make_prover(config: Config, names: list[str] | None = None, together: bool = True) -> Prover:
+def make_prover(config: Config, names: list[str] | None = None, together: bool = True,
+                recorded: bool = False) -> Prover:
     """Return the prover of a configuration.
 
     Args:
         config: the configuration.
         names: of the properties to be proved; all if None.
         together: see `Prover`.
+        recorded: whether the plant writes down what it is asked, for an export to SPIN.
 
     Raises:
         CompileError: the program or a property is wrong.
@@ -80,6 +83,8 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
     program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                               single_firing=fires_once(config))
     plant, inputs, outputs = _plant(config, program)
+    if recorded:
+        plant = RecordedPlant(plant)
     return Prover(make_resource(config, program), plant, inputs, outputs,
                   config.cycle, properties, section.merge, _frozen(config), section.fairness,
                   together)

@@ -76,15 +76,21 @@ def cone_of(program: Program, asked: Iterable[int]) -> frozenset[int] | None:
 
 
 def _closure(flow: _Flow, relevant: set[int]) -> frozenset[int]:
-    sources: dict[int, set[int]] = {}
-    for offset, size, depends in flow.stores:
+    stores = list(flow.stores)
+    writing: dict[int, list[int]] = {}
+    for number, (offset, size, _) in enumerate(stores):
         for byte in range(offset, offset + size):
-            sources.setdefault(byte, set(range(offset, offset + size))).update(depends)
+            writing.setdefault(byte, []).append(number)
+    done: set[int] = set()
     todo = list(relevant)
     while todo:
-        new = sources.get(todo.pop(), set()) - relevant
-        relevant |= new
-        todo.extend(new)
+        for number in writing.get(todo.pop(), ()):
+            if number not in done:
+                done.add(number)
+                offset, size, depends = stores[number]
+                new = depends.union(range(offset, offset + size)) - relevant
+                relevant |= new
+                todo.extend(new)
     return frozenset(relevant)
 
 

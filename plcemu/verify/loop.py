@@ -84,7 +84,7 @@ class ClosedLoop:
                               "a timed model")
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.watch, self.merge, self.cycle_ns = watch, merge, cycle_ns
+        self.merge, self.cycle_ns = merge, cycle_ns
         self._frozen, self.fairness = frozen, fairness
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         looked_at = range(len(machine.initial)) if watched is None else sorted(watched)
@@ -94,6 +94,10 @@ class ClosedLoop:
         self._starts: dict[Hashable, State] = {}
         self.origins: dict[State, Hashable] = {}
         """For each initial state found, a plant's initial state that leads to it."""
+
+    def watch(self, memory: bytes, facts: tuple[Value, ...]) -> int:
+        """Which watched formulas hold with this memory and these facts, as bits."""
+        return self._views.holding(memory, facts)
 
     @property
     def ever(self) -> int:
@@ -183,6 +187,16 @@ class ClosedLoop:
         """The scans of a step, the plant in the end, and why the program faulted, if it did."""
         return self._settling.step(state.memory, self._after(state, action), self._elapsed_ns)
 
+    def outcome(self, memory: bytes, plant: Hashable) -> tuple[int, Hashable]:
+        """Which watched formulas hold after a scan that saw a plant and left memory so, as bits,
+        and the plant once its actuators follow the outputs."""
+        holding, following = self._settling.outcome(memory, self._views.of(plant))
+        return holding, following.state
+
+    def scan(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> bytes:
+        """Memory after one scan that sees a plant, once some time has passed."""
+        return self.machine.scan(memory, self._views.image(self._views.of(plant)), elapsed_ns)
+
     def facts(self, plant: Hashable) -> tuple[Value, ...]:
         """The values of the plant's facts, in their order."""
         return self._views.of(plant).facts
@@ -190,7 +204,7 @@ class ClosedLoop:
     def raw_inputs(self, plant: Hashable) -> dict[str, int]:
         """The raw values of the inputs that a plant's state gives, by port name."""
         return {p.name: int.from_bytes(raw, "little")
-                for p, raw in zip(self.inputs, self._views.of(plant).inputs.raw, strict=True)}
+                for p, raw in zip(self.inputs, self._views.raw(self._views.of(plant)), strict=True)}
 
 
 __all__ = ["IDLE", "ClosedLoop", "DoesNotSettle", "FinitePlant", "Merge", "State", "Trail"]

@@ -14,6 +14,9 @@ from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Block, Program
 
+Image = list[tuple[slice, bytes]]
+"""What inputs read, as stretches of memory to be written."""
+
 
 class ScanMachine:
     """Scans of one program on its real memory block.
@@ -54,7 +57,7 @@ class ScanMachine:
         number = int.from_bytes(memory, "little") & self._mask | self._rest
         return number.to_bytes(self._size, "little")
 
-    def image(self, raw: Sequence[bytes]) -> list[tuple[slice, bytes]]:
+    def image(self, raw: Sequence[bytes]) -> Image:
         """Return the inputs' raw values, little-endian, as stretches of memory to be written."""
         return [(place, b"".join([raw[n] for n in numbers]))
                 for place, numbers in self._stretches]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from plant_sim.abstraction import Abstraction
+from plcemu.base.collector import paused_collector
 from plcemu.base.errors import CompileError
 from plcemu.base.spans import Diagnostic
 from plcemu.base.tags import Tag
@@ -119,7 +120,7 @@ class Prover:
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
                  fairness: Fairness = "weak", together: bool = True) -> None:
-        self.cycle_ns, self.properties = cycle_ns, list(properties)
+        self.cycle_ns, self.properties, self.frozen = cycle_ns, list(properties), frozen
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
@@ -168,6 +169,7 @@ class Prover:
                         "that no event of the plant comes during the few scans until then")
         return cuts
 
+    @paused_collector()
     def prove(self, limits: Limits = Limits(),  # noqa: B008
               on_progress: Callable[[Progress], None] | None = None) -> Result:
         """Explore, and judge every property."""

@@ -6,7 +6,8 @@ between Python and the engine.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from functools import partial
 from itertools import islice
 
 from plcemu.verify.settle import (
@@ -20,6 +21,9 @@ from plcemu.verify.settle import (
 
 MOST = 128
 """Steps made together; with more, what is known of them outgrows the processor's cache."""
+
+_state: Callable[[tuple[bytes, Hashable, int, str]], State]
+_state = partial(tuple.__new__, State)  # as State(...), in half the time
 
 
 class Rounds(Settling):
@@ -48,7 +52,7 @@ class Rounds(Settling):
         for scan in range(SETTLES_WITHIN):
             if not going:
                 break
-            ran = batch.run(going, [views[n].inputs.packed for n in going], elapsed_ns)
+            ran = batch.run(going, [views[n].packed for n in going], elapsed_ns)
             self.machine.scans += len(going) - len(ran.faults)
             goes_on = []
             for at, (n, told, changed) in enumerate(zip(going, ran.told, ran.changed, strict=True)):
@@ -67,7 +71,7 @@ class Rounds(Settling):
                     goes_on.append(n)
             going = goes_on
         found: list[State | None] = [
-            State(memory, view.state, bits & self.told, fault) for memory, view, bits, fault
+            _state((memory, view.state, bits & self.told, fault)) for memory, view, bits, fault
             in zip(batch.memories(), views, seen, faults, strict=True)]
         for n in at_once:
             found[n] = State(self.machine.initial, views[n].state, 0, faults[n])

@@ -77,13 +77,14 @@ class Settling:
     def step(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> Trail:
         """Return the scans of a step; the plant follows the outputs after each."""
         scans: list[tuple[bytes, Hashable]] = []
-        machine, view, before = self.machine, self.views.of(plant), self.machine.reduced(memory)
+        machine, views = self.machine, self.views
+        view, before = views.of(plant), machine.reduced(memory)
         try:
             for _ in range(SETTLES_WITHIN):
-                memory = machine.scan(memory, machine.image(view.inputs.raw), elapsed_ns)
+                memory = machine.scan(memory, views.image(view), elapsed_ns)
                 scans.append((memory, view.state))
                 after = machine.reduced(memory)
-                _, following = self._outcome(after, view)
+                _, following = self.outcome(after, view)
                 rests = following is view and after == before
                 view, before = following, after
                 if rests or self.once:
@@ -97,11 +98,12 @@ class Settling:
         scans, plant, fault = step
         seen = 0
         for memory, seen_plant in scans:
-            seen |= self._outcome(self.machine.reduced(memory), self.views.of(seen_plant))[0]
+            seen |= self.outcome(self.machine.reduced(memory), self.views.of(seen_plant))[0]
         last = self.machine.reduced(scans[-1][0]) if scans else self.machine.initial
         return State(last, plant, seen & self.told, fault)
 
-    def _outcome(self, memory: bytes, view: View) -> Outcome:
+    def outcome(self, memory: bytes, view: View) -> Outcome:
+        """Return what a scan means that saw a plant's state, and left memory so."""
         return self.views.outcome(view, bytes([memory[n] for n in self.views.told]))
 
 

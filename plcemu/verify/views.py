@@ -5,13 +5,14 @@ A plant is asked once what its sensors read in a state, and once what follows ce
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from operator import itemgetter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
-from plcemu.verify.machine import ScanMachine, place_of
+from plcemu.verify.machine import Image, ScanMachine, place_of
 
 
 class FinitePlant(Protocol):
@@ -30,32 +31,22 @@ class FinitePlant(Protocol):
     def done(self, action: Any) -> Collection[str]: ...
 
 
-class Inputs(NamedTuple):
-    """What a plant's sensors read.
-
-    Attributes:
-        raw: the raw bytes of each input.
-        packed: the same as a batch of scans takes it.
-    """
-
-    raw: list[bytes]
-    packed: bytes
-
-
 class View:
     """A plant's state.
 
     Attributes:
         state: the plant's own.
-        inputs: what its sensors read.
+        packed: what its sensors read, as a batch of scans takes it.
         facts: the values of its facts.
+        holding: watched bytes of memory -> which watched formulas hold, with these facts.
         outcomes: what scans that see it tell of memory -> what that means.
     """
 
-    __slots__ = ("facts", "inputs", "outcomes", "state")
+    __slots__ = ("facts", "holding", "outcomes", "packed", "state")
 
-    def __init__(self, state: Hashable, inputs: Inputs, facts: tuple[Value, ...]) -> None:
-        self.state, self.inputs, self.facts = state, inputs, facts
+    def __init__(self, state: Hashable, packed: bytes, facts: tuple[Value, ...],
+                 holding: dict[bytes, int]) -> None:
+        self.state, self.packed, self.facts, self.holding = state, packed, facts, holding
         self.outcomes: dict[bytes, Outcome] = {}
 
 
@@ -90,13 +81,15 @@ class Views:
         self.told = (*told, *watched)
         """The bytes of memory that must be known of every scan: outputs, then watched ones."""
         self.batch = machine.batch(self.told)
-        self._readings = _getter([p.name for p in inputs])
+        in_memory = [inputs[n] for n in machine.order]
+        self._tables = [_Raw(point) for point in in_memory]
+        self._readings = _getter([p.name for p in in_memory])
         self._fact_values = _getter([f.name for f in plant.facts])
         self._views: dict[Hashable, View] = {}
-        self._raw = [_Raw(point) for point in inputs]
-        self._seen: dict[tuple[Any, ...], Inputs] = {}
-        self._values: dict[bytes, dict[str, Any]] = {}
-        self._holding: dict[tuple[bytes, tuple[Value, ...]], int] = {}
+        self._packed: dict[tuple[Any, ...], bytes] = {}
+        self._images: dict[bytes, Image] = {}
+        self._told: dict[bytes, tuple[bytes, dict[str, Any], bytes]] = {}
+        self._holding: dict[tuple[Value, ...], dict[bytes, int]] = defaultdict(dict)
         self.ever = 0
         """Bits of the watched formulas that held in any scan so far."""
 
@@ -105,14 +98,29 @@ class Views:
         found = self._views.get(plant)
         if found is None:
             readings = self._readings(self._plant.sense(plant))
-            inputs = self._seen.get(readings)
-            if inputs is None:
-                raw = [table[value] for table, value in zip(self._raw, readings, strict=True)]
-                packed = self.batch.image([raw[n] for n in self._machine.order])
-                inputs = self._seen[readings] = Inputs(raw, packed)
+            packed = self._packed.get(readings)
+            if packed is None:
+                packed = self._packed[readings] = self.batch.image(
+                    [table[value] for table, value in zip(self._tables, readings, strict=True)])
             facts = self._fact_values(self._plant.observe(plant))
-            found = self._views[plant] = View(plant, inputs, facts)
+            holding = self._holding[facts]
+            found = self._views[plant] = View(plant, packed, facts, holding)
         return found
+
+    def image(self, view: View) -> Image:
+        """Return what a plant's sensors read as a single scan takes it."""
+        image = self._images.get(view.packed)
+        if image is None:
+            image = self._images[view.packed] = self._machine.image(self.raw(view))
+        return image
+
+    def raw(self, view: View) -> list[bytes]:
+        """Return what a plant's sensors read: the raw bytes of each input."""
+        raw, at = [b""] * len(self._machine.order), 0
+        for number, table in zip(self._machine.order, self._tables, strict=True):
+            raw[number] = view.packed[at:at + table.point.width]
+            at += table.point.width
+        return raw
 
     def outcome(self, view: View, told: bytes) -> Outcome:
         """Return what a scan means that saw a plant's state.
@@ -123,26 +131,34 @@ class Views:
         """
         found = view.outcomes.get(told)
         if found is None:
-            outputs, watched = told[:self._outputs], told[self._outputs:]
-            values = self._values.get(outputs)
-            if values is None:
-                values = self._values[outputs] = {
-                    p.name: p.to_value(int.from_bytes(outputs[at], "little"))
-                    for p, at in self._actuators}
-            holding = self._holding.get((watched, view.facts))
+            parts = self._told.get(told)
+            if parts is None:
+                parts = self._told[told] = told, self._values(told), told[self._outputs:]
+            told, values, watched = parts
+            holding = view.holding.get(watched)
             if holding is None:
-                holding = self._holding[watched, view.facts] = self._judge(watched, view.facts)
+                holding = self._judge(watched, view.facts)
             state = self._plant.actuate(view.state, values)
-            found = holding, view if state is view.state else self.of(state)
-            view.outcomes[told] = found
+            found = view.outcomes[told] = holding, view if state is view.state else self.of(state)
         return found
+
+    def holding(self, memory: bytes, facts: tuple[Value, ...]) -> int:
+        """Return which watched formulas hold with this memory and these facts."""
+        watched = bytes([memory[n] for n in self._watched])
+        found = self._holding[facts].get(watched)
+        return self._judge(watched, facts) if found is None else found
+
+    def _values(self, told: bytes) -> dict[str, Any]:
+        """Return the actuators' values; one whose output the program does not use stays off."""
+        return {p.name: p.to_value(int.from_bytes(told[at], "little"))
+                for p, at in self._actuators}
 
     def _judge(self, watched: bytes, facts: tuple[Value, ...]) -> int:
         """Ask which watched formulas hold; of memory they see nothing else."""
         memory = bytearray(self._machine.initial)
         for offset, byte in zip(self._watched, watched, strict=True):
             memory[offset] = byte
-        holding = self._watch(bytes(memory), facts)
+        holding = self._holding[facts][watched] = self._watch(bytes(memory), facts)
         self.ever |= holding
         return holding
 
@@ -152,10 +168,10 @@ class _Raw(dict[Any, bytes]):
 
     def __init__(self, point: Point) -> None:
         super().__init__()
-        self._point = point
+        self.point = point
 
     def __missing__(self, value: Any) -> bytes:
-        point = self._point
+        point = self.point
         raw = self[value] = point.to_raw(value).to_bytes(point.width, "little")
         return raw
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import shutil
 import struct
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+import tools
 
 from plcemu.io.exchange import Exchange
 from plcemu.modbus import AddressMap, Identity, ModbusTcpServer, Unit
@@ -163,11 +162,4 @@ def serve(exchange: Exchange) -> Callable[..., Any]:
 @pytest.fixture
 def need_tool() -> Callable[[str], str]:
     """Return a function that finds a program; without it the test is skipped, in CI it fails."""
-    def find(name: str) -> str:
-        path = shutil.which(name)
-        if path is None and os.environ.get("CI") == "true":
-            pytest.fail(f"{name} is not installed, and CI must have it")
-        if path is None:
-            pytest.skip(f"{name} is not installed")
-        return path
-    return find
+    return tools.need_tool

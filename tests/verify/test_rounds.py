@@ -202,3 +202,21 @@ def test_the_examples_are_what_they_are_called() -> None:
     assert faults == {"division by zero in MAIN"}
     ends = {s.fault for s in explored(ENDLESS, STILL, "none", "wasm", True, 200)[0]}
     assert len(ends) == 2 and "" in ends
+
+
+def test_where_few_copies_of_memory_find_room_the_graph_is_the_same() -> None:
+    text = HEAD.replace("END_VAR", "big : ARRAY[1..15000] OF DINT; END_VAR") + (
+        "big[n + 1] := big[n + 1] + 1;\nv0 := big[n + 1] > 2;\n"
+        "IF s0 AND n < 2 THEN n := n + 1; END_IF;\nEND_PROGRAM\n")
+    readable = explored(text, STILL, "none", "wasm", False, 4)
+    assert explored(text, STILL, "none", "wasm", True, 4) == readable
+
+
+def test_scans_are_counted_when_the_engine_executes_them() -> None:
+    make = of_system("batch_plant", "load=2")
+    counted = []
+    for together in (True, False):
+        loop = make(together)
+        explore(loop)
+        counted.append(loop.machine.scans)
+    assert counted[0] == counted[1]
