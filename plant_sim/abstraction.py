@@ -52,6 +52,7 @@ class Abstraction(Protocol):
 
 ABSTRACTIONS: dict[str, str] = {
     "batch_plant": "plant_sim.batch_plant.abstraction:BatchAbstraction",
+    "evaporator": "plant_sim.evaporator.abstraction:EvaporatorAbstraction",
 }
 """Name of a plant -> "package.module:Class" of its abstraction; imported only when asked for."""
 

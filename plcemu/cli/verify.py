@@ -29,6 +29,9 @@ EPILOG = """examples:
   plcemu verify il_programs/batch_plant                       # from the configured load
   plcemu verify il_programs/batch_plant --set initial=loads   # from all 30 loads of the paper
   plcemu verify il_programs/batch_plant --set load=7.5 --property produces --save .
+  plcemu verify il_programs/evaporator                        # timers and a plant in time
+  plcemu verify il_programs/evaporator --set verify.parameters.drain=torricelli
+  plcemu verify il_programs/batch_plant --set verify.fairness=none    # processes need not end
   plcemu verify il_programs/batch_plant --set initial=loads --spin     # SPIN judges as well
 
 Exit code 1 if a property is violated, a limit was reached before it was decided, one that was

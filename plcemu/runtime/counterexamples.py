@@ -50,7 +50,7 @@ def save_counterexample(folder: Path, proof: Proof, prover: Prover) -> Saved | N
     if judged:
         properties = folder / f"{proof.name}.prop"
         properties.write_text(f"{proof.name}:\n  {proof.formula}\n", encoding="utf-8")
-    last_ns = (len(path.played(ROUNDS)) - 1) * path.cycle_ns + path.decided_ns
+    last_ns = path.at_ns(len(path.played(ROUNDS)) - 1) + path.decided_ns
     return Saved(scenario, properties, last_ns + path.cycle_ns)
 
 

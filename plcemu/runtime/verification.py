@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from plant_sim.abstraction import Abstraction, AbstractionError, load_abstraction
+from plant_sim.linear_automaton import AutomatonError
 from plcemu.base.errors import CompileError, UnknownNameError
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
@@ -37,7 +38,7 @@ def make_abstraction(config: Config) -> Abstraction:
         parameters["initial"] = section.initial
     try:
         return load_abstraction(name, parameters)
-    except AbstractionError as problem:
+    except (AbstractionError, AutomatonError) as problem:
         raise config.mistake(("verify",), problem) from None
 
 
@@ -83,11 +84,18 @@ def make_prover(config: Config, names: list[str] | None = None, together: bool =
     program = compile_program(config.program_paths, final_scan=config.sfc_final_scan,
                               single_firing=fires_once(config))
     plant, inputs, outputs = _plant(config, program)
+    if section.merge == "timed":
+        inputs = [p for p in inputs if is_used(program, p)]
+        if section.frozen is not None:
+            raise config.mistake(("verify", "frozen"), "does not go with merge: timed, where the "
+                                 "plant's invariants say when something must happen")
+        if recorded:
+            raise config.mistake(("verify", "merge"), "is timed, and SPIN keeps no time")
     if recorded:
         plant = RecordedPlant(plant)
     return Prover(make_resource(config, program), plant, inputs, outputs,
                   config.cycle, properties, section.merge, _frozen(config), section.fairness,
-                  together)
+                  together, section.time)
 
 
 def _plant(config: Config, program: Program

@@ -25,7 +25,7 @@ from plcemu.monitor.formula import (
 )
 from plcemu.verify.explore import Graph, Limits, terminal
 from plcemu.verify.fair import Lasso, fair_components, lasso, run_to
-from plcemu.verify.loop import ClosedLoop, State
+from plcemu.verify.loop import ClosedLoop, Merge, State
 
 HOLDS, VIOLATED, INCONCLUSIVE = "holds", "violated", "inconclusive"
 
@@ -101,15 +101,11 @@ class Evidence:
 
     def endless(self, inside: Callable[[int], bool]) -> Iterator[list[int]]:
         """Yield components in which a fair run can move for ever inside."""
-        fairness = self.loop.fairness
-        return fair_components(self.graph, None if fairness == "none" else self.loop, inside,
-                               fairness == "strong")
+        return fair_components(self.graph, self.loop, inside, self.loop.fairness == "strong")
 
     def lasso(self, component: Sequence[int]) -> Lasso:
         """Return a run into one of them and a fair cycle in it."""
-        fairness = self.loop.fairness
-        return lasso(self.graph, None if fairness == "none" else self.loop, component,
-                     fairness == "strong")
+        return lasso(self.graph, self.loop, component, self.loop.fairness == "strong")
 
     def rests(self) -> Iterator[int]:
         """Yield the states in which a fair run can stay for ever.
@@ -119,8 +115,7 @@ class Evidence:
         loop, graph = self.loop, self.graph
         for n, state in enumerate(graph.states):
             ends = graph.expanded(n) and not graph.targets(n)
-            if ends or (loop.merge == "stable" and (loop.fairness == "none"
-                                                    or not loop.pending(state))):
+            if ends or (loop.merge == "stable" and not loop.pending(state)):
                 yield n
 
     def first_seen(self, number: int) -> int | None:
@@ -144,9 +139,8 @@ class Check(Protocol):
     def of_endless_runs(self) -> bool:
         """Whether it depends on what a run may do for ever, and so on fairness."""
 
-    @property
-    def every_scan(self) -> str:
-        """Why it cannot be judged where scans are merged; empty if it can."""
+    def unfit_for(self, merge: Merge) -> str:
+        """Why it cannot be judged of a loop that is looked at so; empty if it can."""
 
     def judge(self, evidence: Evidence) -> Finding:
         """Judge the property."""
@@ -155,11 +149,21 @@ class Check(Protocol):
 # ---------------------------------------------------------------- kinds of properties
 
 
+class _FitsAll:
+    """A kind of property that can be judged however the loop is looked at."""
+
+    __slots__ = ()
+
+    def unfit_for(self, merge: Merge) -> str:
+        """Nothing stands in the way."""
+        return ""
+
+
 @dataclass(frozen=True, slots=True)
-class Invariant:
+class Invariant(_FitsAll):
     """`G p`, `AG p`, `A[] p`: p in every scan."""
 
-    of_endless_runs, every_scan = False, ""
+    of_endless_runs = False
 
     formula: Formula
     watched: tuple[Formula, ...] = ()
@@ -190,10 +194,10 @@ class Invariant:
 
 
 @dataclass(frozen=True, slots=True)
-class Reachable:
+class Reachable(_FitsAll):
     """`EF p`, `E<> p`: from some initial state, p in some scan."""
 
-    of_endless_runs, every_scan = False, ""
+    of_endless_runs = False
 
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
@@ -217,10 +221,10 @@ class Reachable:
 
 
 @dataclass(frozen=True, slots=True)
-class Recurrence:
+class Recurrence(_FitsAll):
     """`G F p & G F q & ...` on every fair run: each again and again."""
 
-    of_endless_runs, every_scan = True, ""
+    of_endless_runs = True
 
     watched: tuple[Formula, ...]
     tested: tuple[Formula, ...] = ()
@@ -260,10 +264,10 @@ class Recurrence:
 
 
 @dataclass(frozen=True, slots=True)
-class NoDeadlock:
-    """`AG EX TRUE`: in every state that can be reached, something can still happen."""
+class NoDeadlock(_FitsAll):
+    """`AG EX TRUE`, `A[] !deadlock`: in every state something can still happen, now or later."""
 
-    of_endless_runs, every_scan = False, ""
+    of_endless_runs = False
 
     watched: tuple[Formula, ...] = ()
     tested: tuple[Formula, ...] = ()
@@ -271,7 +275,8 @@ class NoDeadlock:
     @staticmethod
     def of(formula: Formula) -> NoDeadlock | None:
         """Return the check if the formula is this one."""
-        return NoDeadlock() if formula == Unary("AG", Unary("EX", TRUE)) else None
+        return NoDeadlock() if isinstance(formula, Unary) and formula.op == "AG" and \
+            (formula.arg == Unary("EX", TRUE) or _is_no_deadlock(formula.arg)) else None
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a state in which nothing can happen; the way to the first one is shown."""
@@ -279,16 +284,19 @@ class NoDeadlock:
         ends = set(terminal(graph))
         if ends:
             return Finding(VIOLATED, run=Lasso(*run_to(graph, min(ends)), []), bad=ends)
-        if not graph.complete:
-            return Finding(INCONCLUSIVE, graph.reason)
-        return Finding(HOLDS, bad=ends)
+        doubt = graph.reason if not graph.complete else evidence.loop.deadlock_doubt
+        return Finding(INCONCLUSIVE, doubt) if doubt else Finding(HOLDS, bad=ends)
+
+
+def _is_no_deadlock(formula: Formula) -> bool:
+    return isinstance(formula, Unary) and formula.op == "!" and isinstance(formula.arg, Deadlock)
 
 
 @dataclass(frozen=True, slots=True)
-class NoCheck:
+class NoCheck(_FitsAll):
     """A formula that no check takes."""
 
-    of_endless_runs, every_scan = False, ""
+    of_endless_runs = False
 
     reason: str
     watched: tuple[Formula, ...] = ()

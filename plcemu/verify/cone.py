@@ -13,46 +13,52 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from plcemu.ir.ops import SIZES, VALUE_OPS
 from plcemu.ir.program import Function, Instr, Program
 
 _CLOCK_BYTES = 16
-_MAY_FAULT = frozenset(("div", "mod", "shl", "shr", "rol", "ror", "trunc", "to"))
+MAY_FAULT = frozenset(("div", "mod", "shl", "shr", "rol", "ror", "trunc", "to"))
 
 
-class _Indirect(Exception):
+class Indirect(Exception):
     """Memory is reached through an address that is not known."""
 
 
-class _Value(NamedTuple):
+class Value(NamedTuple):
     """What is known of a value.
 
     Attributes:
         bytes: those it depends on.
         address: the least address that it may be; None if it is none.
         span: how much further the address may be, or how large the distance into an array.
+        about: what another analysis that walks the same way knows of it.
     """
 
     bytes: frozenset[int] = frozenset()
     address: int | None = None
     span: int | None = None
+    about: Any = None
 
 
-_NOTHING = _Value()
+NOTHING = Value()
 
 
 @dataclass(slots=True)
-class _Flow:
+class Flow:
     """What flows where: stores as (bytes written, bytes they depend on), and what decides."""
 
     program: Program
     stores: set[tuple[int, int, frozenset[int]]] = field(default_factory=set)
     decides: set[int] = field(default_factory=set)
-    results: dict[tuple[str, int], _Value] = field(default_factory=dict)
-    locals: dict[tuple[str, int], dict[int, _Value]] = field(default_factory=dict)
+    results: dict[tuple[str, int], Value] = field(default_factory=dict)
+    locals: dict[tuple[str, int], dict[int, Value]] = field(default_factory=dict)
     active: set[tuple[str, int]] = field(default_factory=set)
+
+    def walk(self, this: int, known: dict[int, Value], key: tuple[str, int]) -> Walk:
+        """Return what walks through a function; other analyses walk in a way of their own."""
+        return Walk(self, this, known, key)
 
 
 def cone_of(program: Program, asked: Iterable[int]) -> frozenset[int] | None:
@@ -60,11 +66,11 @@ def cone_of(program: Program, asked: Iterable[int]) -> frozenset[int] | None:
 
     None if it cannot be told, and every byte must be taken to matter.
     """
-    flow = _Flow(program)
+    flow = Flow(program)
     try:
         for instance in program.instances:
-            _follow(flow, program.functions[instance.function], instance.base)
-    except _Indirect:
+            follow(flow, program.functions[instance.function], instance.base)
+    except Indirect:
         return None
     for clock in program.layout.clocks:
         whole = frozenset(range(clock.offset, clock.offset + _CLOCK_BYTES))
@@ -75,7 +81,7 @@ def cone_of(program: Program, asked: Iterable[int]) -> frozenset[int] | None:
     return _closure(flow, set(asked) | flow.decides)
 
 
-def _closure(flow: _Flow, relevant: set[int]) -> frozenset[int]:
+def _closure(flow: Flow, relevant: set[int]) -> frozenset[int]:
     stores = list(flow.stores)
     writing: dict[int, list[int]] = {}
     for number, (offset, size, _) in enumerate(stores):
@@ -94,7 +100,7 @@ def _closure(flow: _Flow, relevant: set[int]) -> frozenset[int]:
     return frozenset(relevant)
 
 
-def _follow(flow: _Flow, function: Function, this: int) -> _Value:
+def follow(flow: Flow, function: Function, this: int) -> Value:
     """Walk through a function on the instance at an address; return what its result depends on.
 
     Stacks are empty at labels, so code is read in textual order; locals are taken to hold whatever
@@ -102,29 +108,30 @@ def _follow(flow: _Flow, function: Function, this: int) -> _Value:
     """
     key = (function.name, this)
     if key in flow.active:
-        return flow.results.get(key, _NOTHING)
+        return flow.results.get(key, NOTHING)
     flow.active.add(key)
     known = flow.locals.setdefault(key, {})
     while True:
         before = dict(known)
-        _Walk(flow, this, known, key).through(function)
+        flow.walk(this, known, key).through(function)
         if known == before:
             break
     flow.active.discard(key)
-    return flow.results.get(key, _NOTHING)
+    return flow.results.get(key, NOTHING)
 
 
-class _Walk:
+class Walk:
     """One pass through a function with symbolic values."""
 
-    def __init__(self, flow: _Flow, this: int, known: dict[int, _Value],
+    def __init__(self, flow: Flow, this: int, known: dict[int, Value],
                  key: tuple[str, int]) -> None:
         self.flow, self.this, self.known, self.key = flow, this, known, key
-        self.stack: list[_Value] = []
+        self.stack: list[Value] = []
         self.dead = False
+        self.at = 0
 
     def through(self, function: Function) -> None:
-        for instr in function.code:
+        for self.at, instr in enumerate(function.code):
             self.dead = self.dead and instr.op != "label"
             if self.dead:
                 continue
@@ -139,31 +146,31 @@ class _Walk:
         if any(v.address is not None for v in operands):
             self.stack.append(_element(op, operands, depends))
             return
-        if op.split(".")[0] in _MAY_FAULT:
+        if op.split(".")[0] in MAY_FAULT:
             self.flow.decides |= depends
-        self.stack.append(_Value(depends))
+        self.stack.append(Value(depends))
 
     def place(self, base: str, offset: int) -> int:
         return offset + (self.this if base == "this" else 0)
 
-    def read(self, machine: str, address: int, place: _Value = _NOTHING) -> None:
+    def read(self, machine: str, address: int, place: Value = NOTHING) -> None:
         end = address + (place.span or 0) + SIZES[machine]
-        self.stack.append(_Value(frozenset(range(address, end)) | place.bytes))
+        self.stack.append(Value(frozenset(range(address, end)) | place.bytes))
 
-    def write(self, machine: str, address: int, value: _Value, place: _Value = _NOTHING) -> None:
+    def write(self, machine: str, address: int, value: Value, place: Value = NOTHING) -> None:
         if value.address is not None:
-            raise _Indirect
+            raise Indirect
         size = (place.span or 0) + SIZES[machine]
         self.flow.stores.add((address, size, value.bytes | place.bytes))
 
-    def known_address(self) -> tuple[int, _Value]:
+    def known_address(self) -> tuple[int, Value]:
         place = self.stack.pop()
         if place.address is None:
-            raise _Indirect
+            raise Indirect
         return place.address, place
 
     def op_const(self, instr: Instr) -> None:
-        self.stack.append(_NOTHING)
+        self.stack.append(NOTHING)
 
     def op_load(self, instr: Instr) -> None:
         machine, base, offset = instr.arg
@@ -174,7 +181,7 @@ class _Walk:
         self.write(machine, self.place(base, offset), self.stack.pop())
 
     def op_addr(self, instr: Instr) -> None:
-        self.stack.append(_Value(address=self.place(*instr.arg)))
+        self.stack.append(Value(address=self.place(*instr.arg)))
 
     def op_loadat(self, instr: Instr) -> None:
         machine, offset = instr.arg
@@ -197,25 +204,25 @@ class _Walk:
         _, count, size = instr.arg
         number = self.stack.pop()
         self.flow.decides |= number.bytes
-        self.stack.append(_Value(number.bytes, span=(count - 1) * size))
+        self.stack.append(Value(number.bytes, span=(count - 1) * size))
 
     def op_builtin(self, instr: Instr) -> None:
-        raise _Indirect
+        raise Indirect
 
     def op_select(self, instr: Instr) -> None:
         operands = [self.stack.pop() for _ in range(3)]
         if any(v.address is not None for v in operands):
-            raise _Indirect
-        self.stack.append(_Value(frozenset().union(*(v.bytes for v in operands))))
+            raise Indirect
+        self.stack.append(Value(frozenset().union(*(v.bytes for v in operands))))
 
     def op_get(self, instr: Instr) -> None:
-        self.stack.append(self.known.get(instr.arg, _NOTHING))
+        self.stack.append(self.known.get(instr.arg, NOTHING))
 
     def op_set(self, instr: Instr) -> None:
         value, before = self.stack.pop(), self.known.get(instr.arg)
         if value.address is not None:
-            raise _Indirect
-        self.known[instr.arg] = _Value(value.bytes | (before.bytes if before else frozenset()))
+            raise Indirect
+        self.known[instr.arg] = Value(value.bytes | (before.bytes if before else frozenset()))
 
     def op_drop(self, instr: Instr) -> None:
         self.stack.pop()
@@ -235,8 +242,8 @@ class _Walk:
         function = self.flow.program.functions[instr.arg]
         address, place = self.known_address()
         if place.span:
-            raise _Indirect
-        result = _follow(self.flow, function, address)
+            raise Indirect
+        result = follow(self.flow, function, address)
         if function.result:
             self.stack.append(result)
 
@@ -244,20 +251,20 @@ class _Walk:
         if self.stack:
             result = self.stack[-1]
             if result.address is not None:
-                raise _Indirect
-            before = self.flow.results.get(self.key, _NOTHING)
-            self.flow.results[self.key] = _Value(before.bytes | result.bytes)
+                raise Indirect
+            before = self.flow.results.get(self.key, NOTHING)
+            self.flow.results[self.key] = Value(before.bytes | result.bytes)
         self.dead = True
 
     def op_fault(self, instr: Instr) -> None:
         self.dead = True
 
 
-def _element(op: str, operands: list[_Value], depends: frozenset[int]) -> _Value:
+def _element(op: str, operands: list[Value], depends: frozenset[int]) -> Value:
     """Return the address of an element: that of its array and a distance into it."""
     places = [v for v in operands if v.address is not None]
     distances = [v for v in operands if v.address is None and v.span is not None]
     if op != "add.u32" or len(places) != 1 or len(distances) != 1:
-        raise _Indirect
+        raise Indirect
     place, distance = places[0], distances[0]
-    return _Value(depends, place.address, (place.span or 0) + (distance.span or 0))
+    return Value(depends, place.address, (place.span or 0) + (distance.span or 0))

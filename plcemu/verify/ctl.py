@@ -32,6 +32,7 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.fair import Lasso, Step, run_to, way
 from plcemu.verify.linear import units
+from plcemu.verify.loop import Merge
 from plcemu.verify.vacuity import idle_parts
 
 _LOGIC = ("!", "&", "|", "->", "<->", "xor")
@@ -253,7 +254,6 @@ class Branching:
     """
 
     of_endless_runs = True
-    every_scan = "it speaks of every scan, and scans are merged: verify with merge: none"
     formula: Formula
     tested: tuple[Formula, ...]
     watched: tuple[Formula, ...] = ()
@@ -264,6 +264,11 @@ class Branching:
         if is_plain(formula) or not is_ctl(formula):
             return None
         return Branching(formula, tuple(dict.fromkeys(units(formula))))
+
+    def unfit_for(self, merge: Merge) -> str:
+        """Every scan must be a state."""
+        return "" if merge == "none" else \
+            "it speaks of every scan, and scans are merged: verify with merge: none"
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated in an initial state where it does not hold; a run shows why."""

@@ -107,6 +107,12 @@ def is_timed(formula: Formula) -> bool:
     return any(isinstance(p, (Unary, Binary)) and p.interval for p in walk(formula))
 
 
+def bounds(formula: Formula) -> int:
+    """Return how many ends of intervals a formula has, 0 and infinity apart."""
+    intervals = [p.interval for p in walk(formula) if isinstance(p, (Unary, Binary)) and p.interval]
+    return sum((i.low_ns > 0) + (i.high_ns is not None) for i in intervals)
+
+
 def asks_next(formula: Formula) -> bool:
     """Whether a formula counts scans."""
     return any(isinstance(p, Unary) and p.op == "X" for p in walk(formula))
@@ -302,6 +308,13 @@ class Translation:
     by_scan: bool = True
     _numbers: dict[Formula, int] = field(default_factory=dict)
     _guessed: dict[Formula, TagRef] = field(default_factory=dict)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether a run is read later than it happens, at instants of a ns."""
+        parts = [p.interval for f in self.observed for p in walk(f)
+                 if isinstance(p, Unary) and p.interval]
+        return self.delay_ns > 0 or any(i.first_ns == i.last_ns != 0 for i in parts)
 
     @staticmethod
     def of(formula: Formula) -> Translation:

@@ -8,6 +8,8 @@ A state is the memory block (what matters of it) and the plant's state. Two ways
   way shows is still judged, through `seen`.
 * `merge="none"`: a state after every scan; in each the plant may do nothing or something, and the
   time of a cycle passes in timers. Nothing is assumed.
+
+A third one, `merge="timed"`, is in `plcemu.verify.timed`.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from plcemu.verify.rounds import Rounds
 from plcemu.verify.settle import DoesNotSettle, Settling, Start, State, Trail
 from plcemu.verify.views import FinitePlant, Views
 
-Merge = Literal["stable", "none"]
+Merge = Literal["stable", "none", "timed"]
 Fairness = Literal["weak", "strong", "none"]
 """What is assumed of the plant on runs without end, see `plcemu.verify.fair`."""
 
@@ -51,6 +53,8 @@ def nothing_watched(memory: bytes, facts: Sequence[Value]) -> int:
 
 class ClosedLoop:
     """A program and a finite plant.
+
+    `deadlock_doubt` says why it cannot be told that something can always happen; empty if it can.
 
     Args:
         machine: the program's scan, with the inputs that `inputs` names.
@@ -86,6 +90,7 @@ class ClosedLoop:
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.merge, self.cycle_ns = merge, cycle_ns
         self._frozen, self.fairness = frozen, fairness
+        self.deadlock_doubt = ""
         self._elapsed_ns = cycle_ns if merge == "none" else 0
         looked_at = range(len(machine.initial)) if watched is None else sorted(watched)
         self._views = Views(machine, plant, self.inputs, self.outputs, watch, looked_at)
@@ -164,7 +169,9 @@ class ClosedLoop:
 
     def pending(self, state: State) -> Collection[str]:
         """What is under way in the plant."""
-        return () if state.fault or self._stands_still(state) else self.plant.pending(state.plant)
+        if state.fault or self.fairness == "none" or self._stands_still(state):
+            return ()
+        return self.plant.pending(state.plant)
 
     def done(self, action: Any) -> Collection[str]:
         """What of it an action brings about."""

@@ -32,8 +32,17 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.explore import Graph, backwards, explore
 from plcemu.verify.fair import Lasso, Step, fair_components, lasso, run_to
-from plcemu.verify.linear import FIRST, Translation, Unfit, asks_next, is_timed, unfit, units
-from plcemu.verify.loop import Idle
+from plcemu.verify.linear import (
+    FIRST,
+    Translation,
+    Unfit,
+    asks_next,
+    bounds,
+    is_timed,
+    unfit,
+    units,
+)
+from plcemu.verify.loop import Idle, Merge
 from plcemu.verify.observer import ENDLESS, Memory, Observer
 from plcemu.verify.vacuity import idle_parts
 
@@ -131,16 +140,19 @@ class Reader:
 
     def _read(self, kept: Memory, wait_ns: int, duty: int, letter: int, length_ns: int,
               ) -> Sequence[Reading]:
-        todo = {(0, kept, wait_ns, duty, self._every)}
+        begin = (0, kept, wait_ns, duty, self._every)
+        todo = {begin}
+        fresh = length_ns == 0
         ends: set[Reading] = set()
         broken: set[int] = set()
         while todo:
             at, kept, wait_ns, duty, put_off = todo.pop()
-            if at == length_ns:
+            if at == length_ns and not fresh:
                 ends.add(Reading(-1, kept, wait_ns, duty, put_off))
                 continue
+            fresh = False
             first = at == 0 and self._splits
-            ahead = min(1 if first else length_ns - at, wait_ns or ENDLESS)
+            ahead = min(1 if first and length_ns else length_ns - at, wait_ns or ENDLESS)
             for guess in self._guesses:
                 bits = letter | guess | (self._first if at == 0 else 0)
                 piece = next(self._observer.pieces(kept, bits, ahead))
@@ -163,7 +175,8 @@ class Product:
     def __init__(self, evidence: Evidence, reader: Reader, mask: int) -> None:
         self.loop, self.graph, self.reader = evidence.loop, evidence.graph, reader
         self._first, self._mask = evidence.first_tested, mask
-        self._merged = self.loop.merge == "stable"
+        self._merged, self._timed = self.loop.merge == "stable", self.loop.merge == "timed"
+        self._scan_ns = ENDLESS if self._merged else 0 if self._timed else self.loop.cycle_ns
         self._untils = tuple(f"until {n}" for n in range(reader.automaton.untils))
         self._letters: dict[int, int] = {}
         self._words: dict[tuple[int, Any], list[int]] = {}
@@ -175,9 +188,10 @@ class Product:
     def initial(self) -> Iterator[Place]:
         """The loop's initial states; of the scans that led there all but the last are read."""
         for plant, number in self.loop.starts(self.graph.number):
-            scans = self.loop.first_scans(plant)[0][:-1]
+            scans = self.loop.first_scans(plant)[0]
             begin = self.reader.begin
-            word = [(self._letter(*scan), self._between_ns()) for scan in scans]
+            word = [(self._letter(*scan), self._scan_ns) for scan in
+                    (scans if self._timed else scans[:-1])]
             for n, reading in self._through([(0, begin)], word):
                 place = Place(number, *reading[1:4], reading.broken, n + 1 if reading.broken >= 0
                               else 0)
@@ -195,12 +209,14 @@ class Product:
         if graph.expanded(state) and (self._merged or not steps):
             steps.append((STAY, state))
         for action, target in steps:
-            word = self._word(state, action, target)
+            word, scans = self._word(state, action)
             for n, reading in self._through([(0, begin)], word):
                 untils = ~reading.put_off & (1 << len(self._untils)) - 1
-                early = reading.broken >= 0 and n == 0
+                seen = n + len(scans) - len(word) + 1
+                kept = seen if reading.broken >= 0 else 0
+                early = reading.broken >= 0 and seen == 0
                 found.append(Edge(None if early else action, untils, Place(
-                    state if early else target, *reading[1:4], reading.broken, n)))
+                    state if early else target, *reading[1:4], reading.broken, kept)))
         return list(dict.fromkeys(found))
 
     def next(self, place: Place, edge: Edge) -> Place:
@@ -210,7 +226,7 @@ class Product:
     def pending(self, place: Place) -> Collection[str]:
         """Every until, and what is under way in the plant."""
         graph = self.graph
-        if self.loop.fairness == "none" or not graph.targets(place.state):
+        if not graph.targets(place.state):
             return self._untils
         return (*self._untils, *self.loop.pending(graph.states[place.state]))
 
@@ -235,31 +251,30 @@ class Product:
             readings = list(following)
         return readings
 
-    def _word(self, state: int, action: Any, target: int) -> list[tuple[int, int]]:
-        """Return what is read in a step, and for how long each stands: the scan before the
-        action, and those of the step but its last one."""
+    def _word(self, state: int, action: Any) -> tuple[list[tuple[int, int]], Sequence[int]]:
+        """Return what is read in a step, each with how long it stands, and the step's scans of it.
+
+        What is read first is the scan before the action, and last comes the scan before the
+        step's last. In time, where scans take none, it is either all scans, or time that passes.
+        """
         source = self.graph.states[state]
         if state not in self._letters:
             self._letters[state] = self._letter(source.memory, source.plant)
-        word = [(self._letters[state], self._between_ns(source, action))]
-        if self._merged and action is not STAY:
-            key = state, action
-            if key not in self._words:
-                scans = self.loop.scans(source, action)[0][:-1]
-                self._words[key] = [self._letter(*scan) for scan in scans]
-            word += [(letter, ENDLESS) for letter in self._words[key]]
-        return word
+        ns = self.loop.cycle_ns if action is STAY else self.loop.elapsed_ns(source, action)
+        before = (self._letters[state], ENDLESS if self._merged else ns)
+        if action is STAY or self.loop.merge == "none":
+            return [before], ()
+        key = state, action
+        if key not in self._words:
+            self._words[key] = [self._letter(*s) for s in self.loop.scans(source, action)[0]]
+        scans = self._words[key]
+        if not self._timed:
+            return [before, *((letter, ENDLESS) for letter in scans[:-1])], scans[:-1]
+        return ([(letter, 0) for letter in scans], scans) if scans else ([before], ())
 
     def _letter(self, memory: bytes, plant: Hashable) -> int:
         bits = self.loop.watch(memory, self.loop.facts(plant))
         return bits >> self._first & self._mask
-
-    def _between_ns(self, source: Any = None, action: Any = None) -> int:
-        """Return how long the values of a scan stand; where that is left open it is no matter."""
-        if self._merged:
-            return ENDLESS
-        return self.loop.cycle_ns if source is None or action is STAY else \
-            self.loop.elapsed_ns(source, action)
 
 
 @dataclass
@@ -345,13 +360,17 @@ class Linear:
             return NoCheck(str(problem))
         return Linear(formula, tuple(dict.fromkeys(units(formula))))
 
-    @property
-    def every_scan(self) -> str:
-        """Why it cannot be judged where scans are merged; empty if it can."""
-        if is_timed(self.formula):
+    def unfit_for(self, merge: Merge) -> str:
+        """What counts scans needs every one; what measures time, that time is kept."""
+        if merge != "none" and asks_next(self.formula):
+            return "it counts scans (X), and scans are merged: verify with merge: none"
+        if merge == "stable" and is_timed(self.formula):
             return "it speaks of durations, which are abstracted away here"
-        return "it counts scans (X), and scans are merged: verify with merge: none" \
-            if asks_next(self.formula) else ""
+        if merge == "timed" and (bounds(self.formula) > 1
+                                 or Translation.of(negated(self.formula)).is_late):
+            return ("it compares several durations, which whole units of time may miss: verify "
+                    "with merge: none")
+        return ""
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a run that satisfies the negation; vacuous in parts that do not matter."""

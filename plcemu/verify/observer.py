@@ -135,7 +135,7 @@ class Since:
     def after(self, kept: Hashable, args: Sequence[bool], ns: int) -> Hashable:
         ages = [(young + ns, old + ns) for young, old in self._ages(kept, args)]
         if args[1]:
-            ages.insert(0, (1, ns if args[0] else 1))
+            ages.insert(0, (min(1, ns), ns if args[0] else min(1, ns)))
         if self.high_ns is None:
             return ((min(ages[-1][1], self.low_ns),) * 2,) if ages else ()
         found: list[tuple[int, int]] = []
@@ -191,9 +191,11 @@ class Observer:
     def pieces(self, kept: Memory, inputs: int, length_ns: int) -> Iterator[Piece]:
         """Divide a stretch of time in which the inputs stand; `kept` is what was kept before.
 
-        Of a stretch without an end, `ENDLESS`, the last piece has none either.
+        Of a stretch without an end, `ENDLESS`, the last piece has none either. One of length 0, a
+        scan that takes no time, is one piece.
         """
-        while length_ns > 0:
+        some = True
+        while some:
             values = [bool(inputs >> bit & 1) for bit in self._bits]
             ns, followed = length_ns, []
             for (operation, places), own in zip(self._steps, kept, strict=True):
@@ -205,6 +207,7 @@ class Observer:
             bits = sum(1 << n for n, place in enumerate(self._roots) if values[place])
             yield Piece(bits, ns, kept)
             length_ns -= ns
+            some = length_ns > 0
 
 
 def _operation(formula: Formula) -> tuple[Operation, tuple[Formula, ...]]:

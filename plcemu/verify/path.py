@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
+from plcemu.base.time import format_duration
 from plcemu.base.trace import Change, Frame, Trace
 from plcemu.base.types import Value
 from plcemu.io.mapping import Point
@@ -50,6 +51,9 @@ class Path:
         fault: why the program stops after the last row; else empty.
         cycle_ns: the time between two scans.
         decided_ns: how long after its last scan it is decided, in ns.
+        times: the instant of each row, in ns, where time was kept; else rows are a cycle apart.
+        remark: what is to know of the instants; else empty.
+        may_go_on: whether something could still happen after the last row, although it need not.
     """
 
     start: str
@@ -59,14 +63,25 @@ class Path:
     cycle_ns: int
     predicates: Predicates = field(repr=False)
     decided_ns: int = 0
+    times: list[int] | None = None
+    remark: str = ""
+    may_go_on: bool = False
+
+    def at_ns(self, scan: int) -> int:
+        """The instant of a scan, also of one that is played again."""
+        if self.times is None:
+            return scan * self.cycle_ns
+        over = scan - len(self.times) + 1
+        return self.times[scan] if over <= 0 else self.times[-1] + over * self.cycle_ns
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, times in s."""
-        rows = [{"scan": r.scan, "t_s": r.scan * self.cycle_ns / 1e9, "action": r.action,
+        rows = [{"scan": r.scan, "t_s": self.at_ns(r.scan) / 1e9, "action": r.action,
                  "changes": r.changes} for r in self.rows if r.changes or r.action]
         return {"initial": self.start, "scans": len(self.rows),
                 "ends_at_s": self.ends_at_ns / 1e9, "rows": rows,
-                "repeats_from_scan": self.repeats_from, "fault": self.fault}
+                "repeats_from_scan": self.repeats_from, "fault": self.fault,
+                "remark": self.remark}
 
     def lines(self) -> list[str]:
         """Return it as text, a line for each scan that changed something."""
@@ -74,14 +89,21 @@ class Path:
         for row in self.rows:
             if row.scan == self.repeats_from:
                 stays = row is self.rows[-1]
-                text.append("  from here on nothing happens any more:" if stays else
+                rest = "happens" if self.may_go_on else "can happen"
+                text.append(f"  from here on nothing {rest} any more:" if stays else
                             "  from here on again and again:")
             if row.action:
-                text.append(f"  {'':>6}  {row.action}")
+                at = "" if self.times is None else f" (at {format_duration(self.at_ns(row.scan))})"
+                text.append(f"  {'':>6}  {row.action}{at}")
             if row.changes:
                 told = ", ".join(f"{_short(tag)} = {_shown(value)}"
                                  for tag, value in row.changes.items())
                 text.append(f"  {row.scan:>6}  {told}")
+        if self.decided_ns:
+            at = format_duration(self.ends_at_ns)
+            text.append(f"  {'':>6}  violated at {at}, as time passes")
+        if self.remark:
+            text.append(f"  {self.remark}")
         if self.fault:
             text.append(f"  {'':>6}  FAULT: {self.fault}")
         return text
@@ -89,7 +111,7 @@ class Path:
     @property
     def ends_at_ns(self) -> int:
         """The instant at which a violation that takes no run without end is decided."""
-        return (len(self.rows) - 1) * self.cycle_ns + self.decided_ns
+        return self.at_ns(len(self.rows) - 1) + self.decided_ns
 
     def played(self, rounds: int = 1) -> list[Row]:
         """Return the scans with what is repeated for ever played a number of times."""
@@ -119,7 +141,7 @@ class Path:
             before = now
             if values:
                 note = f"  # {row.action}" if row.action else ""
-                lines.append(f"  - {{t_ns: {scan * self.cycle_ns}, set: {{{values}}}}}{note}")
+                lines.append(f"  - {{t_ns: {self.at_ns(scan)}, set: {{{values}}}}}{note}")
         return "\n".join(lines) + "\n"
 
     def trace(self) -> Trace:
@@ -129,7 +151,7 @@ class Path:
         for row in self.rows:
             changes: tuple[Change, ...] = tuple(
                 (i, v) for i, v in enumerate(row.values) if not before or before[i] != v)
-            trace.observe(Frame(row.scan * self.cycle_ns, row.scan, changes))
+            trace.observe(Frame(self.at_ns(row.scan), row.scan, changes))
             before = row.values
         trace.end_ns = self.ends_at_ns
         return trace
@@ -181,7 +203,8 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
         for step in run.cycle:
             here = writer.step(graph, here, step)
     return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
-                cycle_ns, predicates, decided[1] if decided else 0)
+                cycle_ns, predicates, decided[1] if decided else 0,
+                may_go_on=bool(graph.targets(here)))
 
 
 class _Writer:
@@ -192,8 +215,6 @@ class _Writer:
         self.rows: list[Row] = []
         self.before: tuple[Value, ...] = ()
         self.last: list[tuple[bytes, Hashable]] = []
-        self.names = [tag.name for tag in predicates.tags]
-        self.shown = [tag.type != "TIME" for tag in predicates.tags]
 
     def step(self, graph: StateGraph, source: int, step: Step) -> int:
         # What was cut away from the state goes on from what it was.
@@ -206,11 +227,8 @@ class _Writer:
         self.last = scans
         for n, (memory, plant) in enumerate(scans):
             values = tuple(self.predicates.values(memory, self.loop.facts(plant)))
-            changes = {name: now for name, now, shown, old in
-                       zip(self.names, values, self.shown, self.before or _initial(values),
-                           strict=True) if shown and now != old}
-            self.rows.append(Row(len(self.rows), action if n == 0 else "", changes,
-                                 self.loop.raw_inputs(plant), values))
+            self.rows.append(row_of(len(self.rows), action if n == 0 else "", self.predicates,
+                                    values, self.before, self.loop.raw_inputs(plant)))
             self.before = values
 
     def cut(self, watched: int) -> None:
@@ -224,6 +242,15 @@ class _Writer:
         """Keep so many scans of the last step; all if None."""
         if scans is not None:
             del self.rows[len(self.rows) - len(self.last) + scans:]
+
+
+def row_of(scan: int, action: str, predicates: Predicates, values: tuple[Value, ...],
+           before: tuple[Value, ...], inputs: dict[str, int]) -> Row:
+    """Return the row of a scan from the values of all tags after it and after the one before."""
+    changes = {tag.name: now for tag, now, old in
+               zip(predicates.tags, values, before or _initial(values), strict=True)
+               if tag.type != "TIME" and now != old}
+    return Row(scan, action, changes, inputs, values)
 
 
 def _initial(values: tuple[Value, ...]) -> tuple[Value, ...]:

@@ -16,6 +16,7 @@ from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
 from plcemu.monitor.formula import Formula, tag_refs
 from plcemu.monitor.parse import Property
+from plcemu.monitor.suite import Suite
 from plcemu.verify.check import (
     HOLDS,
     INCONCLUSIVE,
@@ -34,6 +35,10 @@ from plcemu.verify.loop import ClosedLoop, Fairness, Merge
 from plcemu.verify.machine import ScanMachine, place_of
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.predicates import Predicates
+from plcemu.verify.timed import TimedLoop
+from plcemu.verify.timed_checks import reads_time, suited
+from plcemu.verify.timed_path import timed_path_of
+from plcemu.verify.timing import Time, grounds, timed_loop
 
 _FACT_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
 NO_FAULT = "no_fault"
@@ -110,6 +115,7 @@ class Prover:
         frozen: while this state formula holds, the plant does nothing; None if it always may.
         fairness: see `plcemu.verify.loop`.
         together: whether many steps are made at once; if not, one after the other, as is readable.
+        time: how time is kept with `merge="timed"`; see `plcemu.verify.timing`.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.
@@ -119,13 +125,17 @@ class Prover:
     def __init__(self, resource: Resource, plant: Abstraction, inputs: Sequence[Point],
                  outputs: Sequence[Point], cycle_ns: int, properties: Sequence[Property],
                  merge: Merge = "stable", frozen: Formula | None = None,
-                 fairness: Fairness = "weak", together: bool = True) -> None:
+                 fairness: Fairness = "weak", together: bool = True,
+                 time: Time = "auto") -> None:
         self.cycle_ns, self.properties, self.frozen = cycle_ns, list(properties), frozen
         program = resource.program
         facts = [Tag(f"plant.{f.name}", _FACT_TYPES[f.kind], f.unit, comment=f.description)
                  for f in plant.facts]
         self.predicates = Predicates(program, facts)
         self.checks = [_check(p.formula, plant, merge) for p in self.properties]
+        if merge == "timed":
+            self.checks = [reads_time(self.predicates, p.formula) or check for p, check in
+                           zip(self.properties, self.checks, strict=True)]
         judged = [p.formula for p, check in zip(self.properties, self.checks, strict=True)
                   if not isinstance(check, NoCheck)] + ([frozen] if frozen else [])
         diagnostics: list[Diagnostic] = [d for f in judged for d in self.predicates.check(f)]
@@ -139,11 +149,17 @@ class Prover:
             at = place_of(program, point)
             asked.update(range(at, at + point.width) if at is not None else ())
         kept = cone_of(program, asked)
-        self.loop = ClosedLoop(ScanMachine(resource, inputs, kept), plant, inputs, outputs,
-                               self.predicates.mask(formulas), looked_at,
-                               (1 << len(watched)) - 1, merge, cycle_ns,
-                               self.predicates.test(frozen) if frozen else None, fairness,
-                               together)
+        machine = ScanMachine(resource, inputs, kept)
+        watching = self.predicates.mask(formulas), looked_at, (1 << len(watched)) - 1
+        self.loop: ClosedLoop
+        if merge == "timed":
+            self.loop = timed_loop(time, program, kept, machine, plant, inputs, outputs, fairness,
+                                   *watching)
+            self.checks = [suited(self.loop, self.predicates, check) for check in self.checks]
+        else:
+            self.loop = ClosedLoop(machine, plant, inputs, outputs, *watching, merge, cycle_ns,
+                                   self.predicates.test(frozen) if frozen else None, fairness,
+                                   together)
         self.cuts = self._cuts(kept, merge) + _never_written(program, inputs, kept)
         if any(check.of_endless_runs for check in self.checks):
             self.cuts.append(_FAIRNESS[fairness])
@@ -167,6 +183,8 @@ class Prover:
         if merge == "stable":
             cuts.append("scans are merged up to the next rest of program and plant: assumed is "
                         "that no event of the plant comes during the few scans until then")
+        if isinstance(self.loop, TimedLoop):
+            cuts += grounds(self.loop, self.cycle_ns)
         return cuts
 
     @paused_collector()
@@ -199,10 +217,16 @@ class Prover:
         watched = None if finding.watched is None else first + finding.watched
         path = None
         if finding.run is not None:
-            path = path_of(loop, graph, self.predicates, finding.run, watched, self.cycle_ns,
-                           finding.decided)
+            path = self._path(graph, finding.run, watched, finding.decided)
+            if finding.decided is not None and path.times is not None:
+                _let_the_monitor_decide(path, entry)
         return Proof(entry.name, str(entry.formula), entry.description, finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+    def _path(self, graph: StateGraph, run: Lasso, watched: int | None = None,
+              decided: tuple[int | None, int] | None = None) -> Path:
+        of = timed_path_of if isinstance(self.loop, TimedLoop) else path_of
+        return of(self.loop, graph, self.predicates, run, watched, self.cycle_ns, decided)
 
     def _by_initial(self, graph: StateGraph, finding: Finding) -> dict[str, str]:
         """Return the verdict for each initial state: violated where a bad state can be reached."""
@@ -224,11 +248,28 @@ class Prover:
         if at is None:
             return None
         run = Lasso(*run_to(graph, at), [])
-        path = path_of(self.loop, graph, self.predicates, run, None, self.cycle_ns)
+        path = self._path(graph, run)
         finding = Finding(VIOLATED, run=run, bad={n for n, s in enumerate(graph.states)
                                                   if s.fault})
         return Proof(NO_FAULT, "the program never faults", "", finding, path,
                      self._by_initial(graph, finding), len(graph), graph.seconds)
+
+
+def _let_the_monitor_decide(path: Path, entry: Property) -> None:
+    """Take the instant of a violation from the path's real scans, which come later than the
+    model's, where scans take no time."""
+    try:
+        suite = Suite([entry], path.predicates.tags)
+    except CompileError:
+        return
+    for frame in path.trace().frames:
+        suite.observe(frame)
+    due_ns = suite.next_deadline_ns()
+    if due_ns is not None:
+        suite.advance(due_ns)
+    result, = suite.results()
+    if result.failed and result.decided_at_ns is not None:
+        path.decided_ns += result.decided_at_ns - path.ends_at_ns
 
 
 def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
@@ -239,7 +280,8 @@ def _check(formula: Formula, plant: Abstraction, merge: Merge) -> Check:
     if lacks:
         return NoCheck(f"the finite plant does not know {', '.join(lacks)}")
     check = check_for(formula)
-    return NoCheck(check.every_scan) if merge == "stable" and check.every_scan else check
+    reason = check.unfit_for(merge)
+    return NoCheck(reason) if reason else check
 
 
 def _never_written(program: Program, inputs: Sequence[Point],

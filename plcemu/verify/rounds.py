@@ -22,7 +22,7 @@ from plcemu.verify.settle import (
 MOST = 128
 """Steps made together; with more, what is known of them outgrows the processor's cache."""
 
-_state: Callable[[tuple[bytes, Hashable, int, str]], State]
+_state: Callable[[tuple[bytes, Hashable, int, str, tuple[int, ...]]], State]
 _state = partial(tuple.__new__, State)  # as State(...), in half the time
 
 
@@ -71,7 +71,7 @@ class Rounds(Settling):
                     goes_on.append(n)
             going = goes_on
         found: list[State | None] = [
-            _state((memory, view.state, bits & self.told, fault)) for memory, view, bits, fault
+            _state((memory, view.state, bits & self.told, fault, ())) for memory, view, bits, fault
             in zip(batch.memories(), views, seen, faults, strict=True)]
         for n in at_once:
             found[n] = State(self.machine.initial, views[n].state, 0, faults[n])

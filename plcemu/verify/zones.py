@@ -9,7 +9,7 @@ overflows. A bound is kept as 2·value + 1, or 2·value where the value itself i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from operator import ge
@@ -194,6 +194,30 @@ class Zone:
             row[0] = None
         return type(self)(self.scale, matrix)
 
+    def extrapolate(self, largest: Sequence[int]) -> Self:
+        """Forget what is beyond the largest number of units that each clock is compared with.
+
+        Finitely many zones remain, and no point is added that could not do the same as one that was
+        there, if clocks are only compared with numbers (Bouyer, Forward analysis of updatable timed
+        automata, 2004).
+        """
+        if self.matrix is None:
+            return self
+        tops = (0, *largest)
+        changed, matrix = False, self._copy()
+        for i, row in enumerate(matrix):
+            for j, bound in enumerate(row):
+                if bound is None or i == j:
+                    continue
+                if i and bound > 2 * tops[i] + 1:
+                    row[j], changed = None, True
+                elif bound < -2 * tops[j]:
+                    row[j], changed = -2 * tops[j], True
+        if not changed:
+            return self
+        _close(matrix)
+        return type(self)(self.scale, matrix)
+
     def polyhedron(self) -> Polyhedron:
         """Return the same set as a polyhedron."""
         names = self.scale.names
@@ -225,6 +249,21 @@ def _difference(first: str, second: str, bound: int, unit: Fraction) -> Term:
 def _sum(a: int | None, b: int | None) -> int | None:
     """Return the sum of two bounds; it includes its value if both do."""
     return None if a is None or b is None else a + b - ((a | b) & 1)
+
+
+def _close(matrix: list[list[int | None]]) -> None:
+    """Make all bounds of a zone that is not empty as tight as the others make them."""
+    for k, through in enumerate(matrix):
+        for row in matrix:
+            first = row[k]
+            if first is None:
+                continue
+            for j, second in enumerate(through):
+                if second is not None:
+                    total = first + second - ((first | second) & 1)
+                    known = row[j]
+                    if known is None or total < known:
+                        row[j] = total
 
 
 def _release(matrix: list[list[int | None]], i: int) -> None:

@@ -56,6 +56,13 @@ DEMANDS = {
     "leads": "a --> twice", "inevitable": "AF lamp", "returns": "AG EF (n = 3 & b)"}
 
 
+IN_TIME = {
+    "X6_soon": "G (X6.X -> F[0s,31s] !X6.X)", "X3_soon": "G (X3.X -> F[0s,19s] !X3.X)",
+    "X2_long": "X2.X lasts at least 1s", "X3_again": "G F X3.X",
+    "to_X6": "G (X3.X -> F X6.X)"}
+"""Of the evaporator, with `merge: timed`."""
+
+
 class Case(NamedTuple):
     """A system, and which of its properties are violated."""
 
@@ -77,6 +84,13 @@ def conflicting(folder: Path) -> Config:
     mutant.write_text(text.replace("  LD   Psi2\n  ANDN Theta1\n", "  LD   Psi2\n"),
                       encoding="utf-8")
     return batch_config(f"program={mutant}")
+
+
+def evaporator(folder: Path) -> Config:
+    (folder / "in_time.prop").write_text("".join(f"{n}: {f}\n" for n, f in IN_TIME.items()),
+                                         encoding="utf-8")
+    return load_config(ROOT / "il_programs/evaporator",
+                       [f"verify.properties={folder / 'in_time.prop'}", "verify.monitored=false"])
 
 
 def free(program: str, demands: dict[str, str], merge: str = "none",
@@ -111,12 +125,14 @@ CASES = {
     "batch mutant": Case(conflicting, ("no_P1_with_P2", "no_forbidden_mixture", "produces")),
     "lamp": Case(free(LAMP, DEMANDS), tuple(DEMANDS)),
     "lamp merged": Case(free(LAMP, MERGED, "stable"), tuple(MERGED)),
+    "evaporator": Case(evaporator, tuple(IN_TIME)),
     "fault": Case(free(DIVIDES, {"rest": "G rest < 50"}, level="[0, 7]"), ("no_fault",)),
     "late": Case(free(LATE, {"in_time": "G (a -> F[0ms,20ms] lamp)", "long": "G (lamp -> a)"}),
                  ("in_time",)),
 }
 ENDLESS = {"lamp": ("answered", "again", "both_again", "settles", "answers", "leads", "inevitable"),
            "lamp merged": ("answered", "again", "settles", "answers"),
+           "evaporator": ("X3_again", "to_X6"),
            **{case: ("produces",) for case in CASES if case.startswith("batch")}}
 """Which of them take a run without end."""
 EVERY = [(case, name) for case, (_, names) in CASES.items() for name in names]

@@ -150,4 +150,5 @@ def test_other_formulas_are_left_to_other_checks(text: str) -> None:
 
 def test_every_scan_must_be_seen() -> None:
     check = Branching.of(read("AG EF p"))
-    assert check is not None and "merge: none" in check.every_scan
+    assert check is not None and "merge: none" in check.unfit_for("stable")
+    assert not check.unfit_for("none")

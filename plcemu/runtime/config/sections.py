@@ -247,7 +247,8 @@ class VerifySection(Section):
     abstraction: str | None = None
     parameters: dict[str, Any] = {}
     initial: str | None = None
-    merge: Literal["stable", "none"] = "stable"
+    merge: Literal["stable", "none", "timed"] = "stable"
+    time: Literal["auto", "integer", "zones"] = "auto"
     fairness: Literal["weak", "strong", "none"] = "weak"
     frozen: str | None = None
     sipn_single_firing: bool | None = None
