@@ -123,7 +123,7 @@ class ClosedLoop:
 
     def settled_from(self, plant: Hashable) -> State:
         """The state after a cold start of the program at a plant in that state."""
-        return self._settling.last(self.first_scans(plant))
+        return self._settling.last(self.first_scans(plant), self.machine.initial)
 
     def starts(self, number: Mapping[State, int]) -> Iterator[tuple[Hashable, int]]:
         """The plant's initial states, each with the number of the loop's initial state."""
@@ -140,7 +140,7 @@ class ClosedLoop:
 
     def next(self, state: State, action: Any) -> State:
         """The state after the plant's action and the scans that follow it."""
-        return self._settling.last(self.scans(state, action))
+        return self._settling.last(self.scans(state, action), state.memory)
 
     def expand(self, states: Iterable[State]) -> Iterator[list[tuple[Any, State]]]:
         """For each state, its actions and the states after them."""

@@ -19,9 +19,11 @@ from plcemu.base.errors import PlcemuError
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoDeadlock, Reachable, Recurrence, StateGraph
 from plcemu.verify.cone import cone_of
+from plcemu.verify.ltl import Linear
 from plcemu.verify.machine import place_of
 from plcemu.verify.promela_code import Cell, Cells, NoPromela, ScanWriter
 from plcemu.verify.promela_formula import FormulaWriter
+from plcemu.verify.promela_ltl import ATOM, ltl_of
 from plcemu.verify.promela_plant import FREE, PlantTables, RecordedPlant
 from plcemu.verify.prove import NO_FAULT, Prover
 from plcemu.verify.settle import SETTLES_WITHIN
@@ -41,6 +43,8 @@ class Question:
             loop ever comes to rest for good, or whether the program ever faults.
         formulas: state formulas.
         texts: they in Promela.
+        claim: what must hold of all runs, in SPIN's words over `atom_0`, the first formula, ...
+        linear: the formula of LTL that it says; None of `G F p & G F q`.
         why_not: why SPIN cannot be asked; else empty.
         holds_if_found: whether what is looked for is wanted (`EF p`).
     """
@@ -49,22 +53,37 @@ class Question:
     kind: Kind
     formulas: tuple[Formula, ...] = ()
     texts: tuple[str, ...] = ()
+    claim: str = ""
+    linear: Formula | None = None
     why_not: str = ""
     holds_if_found: bool = False
 
 
-def question_of(name: str, check: Check) -> Question:
-    """Return what SPIN is asked for a check."""
+def question_of(name: str, check: Check, stable: bool) -> Question:
+    """Return what SPIN is asked for a check, where scans are merged (`stable`) or not."""
     if isinstance(check, Invariant):
         return Question(name, "seen", check.watched)
     if isinstance(check, Reachable):
         return Question(name, "seen", check.watched, holds_if_found=True)
     if isinstance(check, Recurrence):
-        return Question(name, "again", check.watched)
+        claim = " && ".join(f"([] <> {ATOM}{n})" for n in range(len(check.watched)))
+        return Question(name, "again", check.watched, claim=claim)
     if isinstance(check, NoDeadlock):
         return Question(name, "rest")
-    return Question(name, "seen", why_not="SPIN is asked for G p, AG p, EF p, G F p & G F q and "
-                    "AG EX TRUE only")
+    if isinstance(check, Linear) and not stable:
+        return _linear(name, check.formula)
+    return Question(name, "seen", why_not="SPIN is asked for G p, AG p, EF p, G F p & G F q, "
+                    "AG EX TRUE, and with merge: none for LTL")
+
+
+def _linear(name: str, formula: Formula) -> Question:
+    """Return what SPIN is asked for a formula of LTL; nothing has begun before the first step."""
+    atoms: list[Formula] = []
+    try:
+        claim = ltl_of(formula, atoms)
+    except NoPromela as problem:
+        return Question(name, "again", why_not=str(problem))
+    return Question(name, "again", tuple(atoms), claim=claim, linear=formula)
 
 
 class PromelaModel:
@@ -98,7 +117,7 @@ class PromelaModel:
         self.tables = PlantTables(loop.plant, [p for p, _ in self._outputs], not self.stable,
                                   loop.fairness != "none", {state.plant for state in graph.states})
         self.questions = [Question(NO_FAULT, "fault"),
-                          *(question_of(p.name, c) for p, c in
+                          *(question_of(p.name, c, self.stable) for p, c in
                             zip(prover.properties, prover.checks, strict=True))]
         asked = [f for q in self.questions for f in q.formulas]
         frozen = [prover.frozen] if prover.frozen is not None else []
@@ -142,7 +161,8 @@ class PromelaModel:
 
     def _ask(self) -> None:
         for question in self.questions:
-            if question.kind == "again" and self.loop.fairness == "strong":
+            if question.kind == "again" and self.loop.fairness == "strong" \
+                    and not question.why_not:
                 question.why_not = "SPIN knows weak fairness, not strong"
             try:
                 question.texts = tuple(self._formulas.write(f) for f in question.formulas)
@@ -197,8 +217,7 @@ class PromelaModel:
         yield "}"
         for number, question in enumerate(self.questions):
             if question.kind == "again" and not question.why_not:
-                told = " && ".join(f"([] <> seen_{number}_{n})"
-                                   for n in range(len(question.texts)))
+                told = question.claim.replace(ATOM, f"seen_{number}_")
                 yield f"\nltl {claim_of(number)} {{ {told} }}  /* {question.name} */"
 
     def _head(self) -> Iterator[str]:
@@ -230,6 +249,7 @@ class PromelaModel:
         yield "}"
         yield "#define reads(column) c_expr { plant_readings[plant_states[now.plant][0]][column] }"
         yield "#define fact(column) c_expr { plant_facts[plant_states[now.plant][1]][column] }"
+        yield "#define begun (plant != 0)"
         yield '#define asked(number) c_expr { (plant_is_asked)("," #number ",") }'
         yield ""
         yield "int plant;    /* the plant's state; 0 before the start */"
@@ -308,7 +328,11 @@ class PromelaModel:
                     yield f"seen_{number}_{n} = 0;"
         yield "scans = 0;"
         yield "if"
-        yield ":: fault -> choice = 0; goto judged"
+        yield ":: fault ->"
+        yield "  choice = 0;"
+        for line in self._noted():
+            yield "  " + line
+        yield "  goto done"
         yield ":: else ->"
         yield "  made = c_expr { (plant_move)(now.plant, Pevent->who, now.choice) };"
         yield '  printf("move %d\\n", made);'
@@ -328,9 +352,7 @@ class PromelaModel:
         yield "/* ---- the end of the scan ---- */"
         yield "scanned: skip;"
         yield from self._stopped()
-        yield "judged: skip;"
         yield from self._judged()
-        yield "if :: fault -> goto done :: else fi;"
         yield from self._follow()
         yield "done: skip;"
         for number in (n for n, q in enumerate(self.questions) if q.kind == "rest"):
@@ -348,6 +370,9 @@ class PromelaModel:
             yield f"  /* {n + 1}: {reason.replace('*/', '* /')} */"
         for cell in self._kept():
             yield f"  {cell.name} = before_{cell.name};"
+        if not self.stable:  # the scan that faulted is a state of its own all the same
+            for line in self._noted():
+                yield "  " + line
         yield '  if :: asked(0) -> printf("found 0\\n"); assert(false) :: else fi;'
         yield "  goto done"
         yield ":: else"
@@ -361,7 +386,12 @@ class PromelaModel:
                 yield f"/* {question.name} */"
                 yield (f"if :: {question.texts[0]} && asked({number}) -> "
                        f'printf("found {number}\\n"); assert(false) :: else fi;')
-            elif question.kind == "again":
+        yield from self._noted()
+
+    def _noted(self) -> Iterator[str]:
+        """Write the bits of what is seen in a scan, or holds where nothing happens any more."""
+        for number, question in enumerate(self.questions):
+            if question.kind == "again" and not question.why_not:
                 for n, text in enumerate(question.texts):
                     yield f"seen_{number}_{n} = seen_{number}_{n} || {text};"
 

@@ -90,7 +90,7 @@ class PlantTables:
         self.plant: FinitePlant = plant
         self.words = packing(outputs)
         self.initial = list(dict.fromkeys(plant.initial()))
-        states = [*self.initial, *(s for s, _ in plant.follows), *plant.follows.values()]
+        states = [*self.initial, *(s for s, _ in plant.follows), *plant.follows.values(), *rests]
         self.states: list[Any] = [None, *dict.fromkeys(states)]
         self.number = {state: n for n, state in enumerate(self.states) if n}
         self._rests, self._fair = set(rests), fair

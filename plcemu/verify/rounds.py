@@ -74,7 +74,7 @@ class Rounds(Settling):
             _state((memory, view.state, bits & self.told, fault, ())) for memory, view, bits, fault
             in zip(batch.memories(), views, seen, faults, strict=True)]
         for n in at_once:
-            found[n] = State(self.machine.initial, views[n].state, 0, faults[n])
+            found[n] = State(self.machine.reduced(starts[n][0]), views[n].state, 0, faults[n])
         for n in going:
             found[n] = None
         return found

@@ -74,7 +74,7 @@ class Settling:
             DoesNotSettle: the next one leads to none.
         """
         for memory, plant in starts:
-            yield self.last(self.step(memory, plant, elapsed_ns))
+            yield self.last(self.step(memory, plant, elapsed_ns), memory)
 
     def step(self, memory: bytes, plant: Hashable, elapsed_ns: int) -> Trail:
         """Return the scans of a step; the plant follows the outputs after each."""
@@ -95,14 +95,16 @@ class Settling:
             return scans, view.state, reason_of(fault)
         raise DoesNotSettle
 
-    def last(self, step: Trail) -> State:
-        """Return the state that a step's scans lead to."""
+    def last(self, step: Trail, memory: bytes) -> State:
+        """Return the state that a step's scans lead to from a memory.
+
+        After a fault memory is as before the scan that brought it about.
+        """
         scans, plant, fault = step
         seen = 0
         for memory, seen_plant in scans:
             seen |= self.outcome(self.machine.reduced(memory), self.views.of(seen_plant))[0]
-        last = self.machine.reduced(scans[-1][0]) if scans else self.machine.initial
-        return State(last, plant, seen & self.told, fault)
+        return State(self.machine.reduced(memory), plant, seen & self.told, fault)
 
     def outcome(self, memory: bytes, view: View) -> Outcome:
         """Return what a scan means that saw a plant's state, and left memory so."""

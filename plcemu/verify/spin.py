@@ -25,9 +25,10 @@ from plcemu.base.errors import PlcemuError
 from plcemu.verify.check import HOLDS, INCONCLUSIVE, VIOLATED
 from plcemu.verify.explore import Graph, Limits
 from plcemu.verify.fair import Lasso, Step
-from plcemu.verify.loop import State
+from plcemu.verify.loop import ClosedLoop, State
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.promela import PromelaModel, Question, claim_of, nfair
+from plcemu.verify.promela_ltl import holds_on
 from plcemu.verify.promela_plant import REST, Begin, Move
 from plcemu.verify.prove import Prover
 
@@ -92,12 +93,14 @@ class Found(NamedTuple):
         question: the number of the question whose error was found; None if none was.
         moves: the moves that lead to the error.
         cycle: those repeated for ever after them, if that is the error.
+        early: whether a formula is violated however the run goes on.
     """
 
     reason: str = ""
     question: int | None = None
     moves: tuple[Move, ...] = ()
     cycle: tuple[Move, ...] = ()
+    early: bool = False
 
 
 class Spin:
@@ -222,10 +225,11 @@ class Spin:
         if re.search(r"^\s*unsettled$", output, re.M):
             raise SpinError("the loop does not settle in SPIN's model")
         found = re.search(r"^\s*found (\d+)$", output, re.M)
-        if found is None and len(steps) < 2:
+        if found is None and claim is None:
             raise SpinError(f"SPIN's trail cannot be read: {output.strip()[-2000:]}")
         return Found("", int(found[1]) if found else claim, tuple(steps[0]),
-                     tuple(steps[1]) if len(steps) > 1 and not found else ())
+                     tuple(steps[1]) if len(steps) > 1 and not found else (),
+                     found is None and len(steps) == 1)
 
     # ------------------------------------------------------------ judging
 
@@ -302,13 +306,13 @@ def replayed(prover: Prover, model: PromelaModel, question: Question, found: Fou
     if cycle and _lasting(states[-1]) != _lasting(states[start]):
         raise SpinError(f"{question.name}: SPIN's cycle does not come back to where it began")
     run = Lasso(0, stem, cycle)
-    trouble = _flaw(prover, question, states, run)
+    trouble = _flaw(prover, question, states, run, found.early)
     if trouble:
         raise SpinError(f"{question.name}: SPIN's counterexample is none: {trouble}")
     graph: Graph[State, Any] = Graph(states=states)
     loop.origins.setdefault(states[0], moves[0].action.plant)
     return path_of(loop, graph, prover.predicates, run, _watched(prover, question),
-                   prover.cycle_ns)
+                   prover.cycle_ns, (None, 0) if found.early else None)
 
 
 def _step(model: PromelaModel, loop: Any, states: list[State], move: Move) -> Step:
@@ -331,41 +335,52 @@ def _watched(prover: Prover, question: Question) -> int | None:
     return sum(len(c.watched) for c in prover.checks[:names.index(question.name)])
 
 
-def _flaw(prover: Prover, question: Question, states: list[State], run: Lasso) -> str:
+def _flaw(prover: Prover, question: Question, states: list[State], run: Lasso,
+          early: bool) -> str:
     """Return why a run does not show what it should; empty if it does."""
-    loop, tests = prover.loop, [prover.predicates.test(f) for f in question.formulas]
-
-    def seen(test: Any, source: int | None, action: Any) -> bool:
-        scans = loop.first_scans(loop.origins[states[0]])[0] if source is None else \
-            loop.scans(states[source], action)[0]
-        return any(test(memory, loop.facts(plant)) for memory, plant in scans)
-
-    last = states[-1]
+    loop, last = prover.loop, states[-1]
     if question.kind == "fault":
         return "" if last.fault else "the program does not fault"
     if question.kind == "rest":
         return "something can still happen" if loop.actions(last) else ""
+    letters = _letters(prover, question, states, run)
     if question.kind == "seen":
-        source, action = (None, None) if not run.stem else (len(states) - 2, run.stem[-1].action)
-        return "" if seen(tests[0], source, action) else "it is not seen in the last step"
+        return "" if any(letter[0] for letter in letters[-1]) else "it is not seen in the last step"
+    return _shows(question, letters, run) or ("" if early else _unfair(loop, states, run))
+
+
+def _letters(prover: Prover, question: Question, states: Sequence[State],
+             run: Lasso) -> list[list[list[bool]]]:
+    """Return for each step and each of its scans which of the question's formulas hold."""
+    loop, tests = prover.loop, [prover.predicates.test(f) for f in question.formulas]
+    trails = [loop.first_scans(loop.origins[states[0]])]
+    trails += [loop.scans(states[n], step.action)
+               for n, step in enumerate([*run.stem, *run.cycle])]
+    return [[[test(memory, loop.facts(plant)) for test in tests]
+             for memory, plant in scans or [(state.memory, state.plant)]]
+            for (scans, _, _), state in zip(trails, states, strict=True)]
+
+
+def _shows(question: Question, letters: Sequence[Sequence[Sequence[bool]]], run: Lasso) -> str:
+    """Return why what is seen on a run without end does not violate; empty if it does."""
+    if question.linear is not None:
+        every = [letter for scans in letters for letter in scans]
+        back = min(1 + len(run.stem) if run.cycle else len(every), len(every) - 1)
+        holds = holds_on(question.linear, question.formulas, every, back)
+        return "the formula holds on it" if holds else ""
+    # Each must be seen in the cycle, or where nothing happens any more, in the last scan.
+    lasting = [letter for scans in letters[1 + len(run.stem):] for letter in scans] \
+        if run.cycle else [[letter for scans in letters for letter in scans][-1]]
+    return "everything is seen again and again" if all(map(any, zip(*lasting, strict=True))) else ""
+
+
+def _unfair(loop: ClosedLoop, states: Sequence[State], run: Lasso) -> str:
+    """Return why a run is not fair; empty if it is."""
     if not run.cycle:
-        return _flaw_of_rest(loop, tests, last)
-    steps = [(n, step.action) for n, step in enumerate(run.cycle, len(run.stem))]
-    if all(any(seen(test, n, action) for n, action in steps) for test in tests):
-        return "everything is seen in its cycle"
-    if loop.fairness == "none":
-        return ""
-    for name in set().union(*(loop.pending(states[n]) for n, _ in steps)):
-        if all(name in loop.pending(states[n]) and name not in loop.done(action)
-               for n, action in steps):
-            return f"{name} is pending for ever"
-    return ""
-
-
-def _flaw_of_rest(loop: Any, tests: Sequence[Any], last: State) -> str:
-    owed = loop.merge == "none" or (loop.fairness != "none" and loop.pending(last))
-    if loop.actions(last) and owed:
-        return "it cannot stay where it stays"
-    if all(test(last.memory, loop.facts(last.plant)) for test in tests):
-        return "everything holds where it stays"
-    return ""
+        owed = loop.merge == "none" or (loop.fairness != "none" and loop.pending(states[-1]))
+        return "it cannot stay where it stays" if loop.actions(states[-1]) and owed else ""
+    steps = [(states[n], step.action) for n, step in enumerate(run.cycle, len(run.stem))]
+    owed_always = set.intersection(*(
+        set(loop.pending(state)) - set(loop.done(action)) for state, action in steps))
+    return f"{min(owed_always)} is pending for ever" \
+        if owed_always and loop.fairness != "none" else ""

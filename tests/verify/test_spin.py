@@ -108,7 +108,7 @@ def reached(system: Steps) -> set[int]:
 
 
 def staying(system: Steps) -> Steps:
-    """The system with a step that stays where nothing is pending, as nothing has to happen."""
+    """The system with a step that stays where nothing is pending: there nothing is owed."""
     return Steps({n: {**row, **({} if system.waiting[n] else {"stay": n})}
                   for n, row in system.table.items()}, system.waiting)
 
@@ -147,6 +147,49 @@ def test_faults_and_what_follows_them_are_the_same(merge: str) -> None:
     assert fault.answer.verdict == "violated" and fault.answer.path is not None
     assert fault.answer.path.fault.startswith("division by zero")
     assert next(p.name for p in result.proofs) == "no_fault"
+
+
+FAULTY = """PROGRAM MAIN
+VAR high AT %IX0.0 : BOOL; valve AT %QX0.0 : BOOL; lit : BOOL; k : INT; END_VAR
+  valve := TRUE;
+  lit := ANSWER;
+  IF high THEN k := 1 / k; END_IF;
+END_PROGRAM
+"""
+
+
+@pytest.mark.parametrize(("lit", "verdict"), [("TRUE", "holds"), ("FALSE", "violated")])
+@pytest.mark.parametrize("merge", ["stable", "none"])
+def test_after_a_fault_memory_stays_as_before_the_scan(merge: str, lit: str,
+                                                       verdict: str) -> None:
+    _, opinion = both(FAULTY.replace("ANSWER", lit), Tank(), [point("high", "%IX0.0")],
+                      [point("valve", "%QX0.0")], "lit: G F lit", merge=merge)
+    assert not opinion.differs and not opinion.undecided
+    assert [row.answer.verdict for row in opinion.rows] == ["violated", verdict]
+
+
+LINEAR = """until: plant.state = 0 U here > 0
+weak: here < 3 W odd
+release: odd R here < 6
+respond: G (good -> F odd)
+settles: F G !good
+goes: (G F good) -> (G F odd)
+either: (G here < 4) <-> (F turns = 2)
+neither: !(good U (odd | here = 5))
+next: G (good -> X !good)
+"""
+
+
+def test_formulas_of_ltl_are_judged_alike_where_every_scan_is_a_state() -> None:
+    systems = [random_steps(seed) for seed in range(100, 125)]
+    _, opinion = both(FOLLOWING, Systems(systems), [point("here", "%IW0")], [], LINEAR,
+                      merge="none")
+    assert not opinion.differs and not opinion.undecided
+    asked = {row.name for row in opinion.rows if row.asked}
+    assert asked == {"no_fault", "until", "weak", "release", "respond", "settles", "goes", "either",
+                     "neither"}
+    assert sum(row.answer.verdict == "violated" for row in opinion.rows) > 30
+    assert sum(row.answer.verdict == "holds" for row in opinion.rows) > 60
 
 
 # ---------------------------------------------------------------- free inputs
