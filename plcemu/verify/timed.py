@@ -266,7 +266,7 @@ class TimedLoop(ClosedLoop):
 
     def _entry(self, place: Place | None, given: bytes, trail: Trail, text: str) -> Entry:
         """Return where scans led, clocks of memory replaced by stand-ins of their classes."""
-        last = self._settling.last(trail)
+        last = self._settling.last(trail, given)
         plant = self.plant.settled(last.plant)
         memory, resets = self._normal(last.memory, given, text)
         resets |= {self._number[name] for name in self.plant.restarted(last.plant)}
