@@ -2,6 +2,10 @@
 
 `python benchmarks/ten_hours.py [--json]`. CPU time of this process; imports and compiling are not
 counted. Monitors: with them less without them. The peer only scans, as often as there were laps.
+
+Nearly every lap brings a reading that changed by one resolution (0.1 l, 1 degC), which the program
+and a property read; so no lap can be left out, and the figure is what such a lap costs
+(docs/decisions.md, "A lap pays for what changed").
 """
 
 from __future__ import annotations

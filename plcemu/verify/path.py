@@ -204,7 +204,7 @@ def path_of(loop: ClosedLoop, graph: StateGraph, predicates: Predicates, run: La
             here = writer.step(graph, here, step)
     return Path(loop.plant.name_of(origin), writer.rows, repeats, "" if decided else fault,
                 cycle_ns, predicates, decided[1] if decided else 0,
-                may_go_on=bool(graph.targets(here)))
+                may_go_on=bool(loop.actions(graph.states[here])))
 
 
 class _Writer:
