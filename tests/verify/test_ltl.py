@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from monitor_strategies import A, B, N, intervals
+from monitor_strategies import A, B, N, intervals, responses
 from verify_toys import Round, Way, Written, is_fair, judged, rounds, truth, written
 
+from plant_sim.free_inputs import FreeInputs
+from plcemu.base.areas import parse_address
 from plcemu.base.spans import Diagnostic
-from plcemu.monitor import parse_formula
+from plcemu.engine.resource import Resource
+from plcemu.io.mapping import Point
+from plcemu.lang.compile import compile_program
+from plcemu.monitor import Property, Suite, parse_formula
 from plcemu.monitor.formula import Binary, Formula, Interval, Literal, Unary
 from plcemu.monitor.linear import on_one_run
 from plcemu.verify.check import Check, Finding, Invariant, Recurrence
 from plcemu.verify.ctl import Branching
 from plcemu.verify.ltl import Linear
+from plcemu.verify.path import Path
+from plcemu.verify.prove import Prover
 
 basics: st.SearchStrategy[Formula] = st.one_of(
     st.sampled_from([A, B]), st.builds(Binary, st.just("="), st.just(N), st.just(Literal(1))),
@@ -160,3 +167,32 @@ def test_each_initial_state_has_its_own_verdict() -> None:
     for text, of, refuted_from in (("G F a", Linear.of, {2}), ("a", Linear.of, {1, 2}),
                                    ("AF a", Branching.of, {2}), ("AG EX a", Branching.of, {2})):
         assert judged(loop, parse_formula(text), of)[0].violated_from == refuted_from
+
+
+COUNTING = compile_program("""PROGRAM MAIN
+VAR a AT %IX0.0 : BOOL; b AT %QX0.0 : BOOL; n : INT; END_VAR
+IF a AND n < 2 THEN n := n + 1; ELSIF NOT a THEN n := 0; END_IF;
+b := n = 2;
+END_PROGRAM
+""")
+
+
+def first_to_fall(formula: Formula, path: Path) -> tuple[str, int | None]:
+    """What the monitor says of a path's scans, and of time after them, and when."""
+    suite = Suite([Property("it", formula)], path.predicates.tags)
+    [suite.observe(frame) for frame in path.trace().frames]
+    result, = suite.finish(path.ends_at_ns)
+    return result.verdict.value, result.decided_at_ns
+
+
+@settings(max_examples=60, deadline=None)
+@given(responses.filter(takes))
+def test_on_a_real_program_the_monitor_falls_at_the_instant_that_the_proof_names(
+        formula: Formula) -> None:
+    prover = Prover(Resource(COUNTING, 5), FreeInputs({"x": [False, True]}),
+                    [Point("x", parse_address("%IX0.0"))], [], 5, [Property("it", formula)], "none")
+    proof, = prover.prove().proofs
+    assert proof.finding.verdict in ("holds", "violated")
+    assume(proof.path is not None and proof.path.repeats_from is None)
+    assert proof.path is not None
+    assert first_to_fall(formula, proof.path) == ("violated", proof.path.ends_at_ns)
