@@ -73,7 +73,7 @@ def question_of(name: str, check: Check, stable: bool) -> Question:
     if isinstance(check, Linear) and not stable:
         return _linear(name, check.formula)
     return Question(name, "seen", why_not="SPIN is asked for G p, AG p, EF p, G F p & G F q, "
-                    "AG EX TRUE, and with merge: none for LTL")
+                    "AG EX TRUE, and where every scan is a state (merge: none) for LTL")
 
 
 def _linear(name: str, formula: Formula) -> Question:
