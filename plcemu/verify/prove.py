@@ -190,15 +190,16 @@ class Prover:
     @paused_collector()
     def prove(self, limits: Limits = Limits(),  # noqa: B008
               on_progress: Callable[[Progress], None] | None = None) -> Result:
-        """Explore, and judge every property."""
+        """Explore, and judge every property; the scans told are those of the exploration."""
         before = self.loop.machine.scans
         graph = explore(self.loop, limits, on_progress=on_progress)
+        scans = self.loop.machine.scans - before
         proofs = [self._judge(graph, limits, entry, check, *firsts) for entry, check, firsts in
                   zip(self.properties, self.checks, self._firsts(), strict=True)]
         fault = self._fault(graph)
         if fault is not None:
             proofs.insert(0, fault)
-        return Result(proofs, graph, self.loop.machine.scans - before, self.cuts)
+        return Result(proofs, graph, scans, self.cuts)
 
     def _firsts(self) -> Iterable[tuple[int, int]]:
         """Yield for each check the numbers of its first watched and its first tested formula."""
