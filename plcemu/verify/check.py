@@ -26,6 +26,7 @@ from plcemu.monitor.formula import (
 from plcemu.verify.explore import Graph, Limits, terminal
 from plcemu.verify.fair import Lasso, fair_components, lasso, run_to
 from plcemu.verify.loop import ClosedLoop, Merge, State
+from plcemu.verify.vacuity import parts_of
 
 HOLDS, VIOLATED, INCONCLUSIVE = "holds", "violated", "inconclusive"
 
@@ -226,7 +227,8 @@ class Recurrence(_FitsAll):
 
     of_endless_runs = True
 
-    watched: tuple[Formula, ...]
+    wanted: tuple[Formula, ...]
+    stronger: tuple[tuple[Formula, str], ...] = ()
     tested: tuple[Formula, ...] = ()
 
     @staticmethod
@@ -239,20 +241,25 @@ class Recurrence(_FitsAll):
                     or inner.interval or part.interval:  # type: ignore[union-attr]
                 return None
             wanted.append(inner.arg)
-        return Recurrence(tuple(wanted)) if wanted else None
+        stronger = tuple((part.stronger, part.meaning) for p in wanted for part in parts_of(p))
+        return Recurrence(tuple(wanted), stronger) if wanted else None
+
+    @property
+    def watched(self) -> tuple[Formula, ...]:
+        """What is wanted again and again, then the same with TRUE or FALSE for a part of it."""
+        return (*self.wanted, *(formula for formula, _ in self.stronger))
 
     def judge(self, evidence: Evidence) -> Finding:
         """Violated by a rest without p, or a fair component through whose steps p is not seen."""
         graph = evidence.graph
-        bad: set[int] = set()
         rests = list(evidence.rests())
         ends: list[int] = []
         cycles: list[list[int]] = []
-        for number in range(len(self.watched)):
-            ends += [n for n in rests if not evidence.holds(number, n)]
-            unseen = {n for n in range(len(graph)) if not evidence.seen(number, n)}
-            cycles += evidence.endless(unseen.__contains__)
-        bad.update(ends, *cycles)
+        for number in range(len(self.wanted)):
+            more_ends, more_cycles = _without(evidence, number, rests)
+            ends += more_ends
+            cycles += more_cycles
+        bad = set().union(ends, *cycles)
         if bad:
             first = min(bad)
             run = Lasso(*run_to(graph, first), []) if first in ends else \
@@ -260,7 +267,17 @@ class Recurrence(_FitsAll):
             return Finding(VIOLATED, run=run, bad=bad)
         if not graph.complete:
             return Finding(INCONCLUSIVE, graph.reason)
-        return Finding(HOLDS, bad=bad)
+        idle = [text for number, (_, text) in enumerate(self.stronger, len(self.wanted))
+                if not any(_without(evidence, number, rests))]
+        return Finding(HOLDS, vacuous_in=tuple(dict.fromkeys(idle)), bad=bad)
+
+
+def _without(evidence: Evidence, number: int,
+             rests: Sequence[int]) -> tuple[list[int], list[list[int]]]:
+    """Return the rests without a watched formula, and the fair components that never see it."""
+    unseen = {n for n in range(len(evidence.graph)) if not evidence.seen(number, n)}
+    return ([n for n in rests if not evidence.holds(number, n)],
+            list(evidence.endless(unseen.__contains__)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,8 +66,8 @@ def question_of(name: str, check: Check, stable: bool) -> Question:
     if isinstance(check, Reachable):
         return Question(name, "seen", check.watched, holds_if_found=True)
     if isinstance(check, Recurrence):
-        claim = " && ".join(f"([] <> {ATOM}{n})" for n in range(len(check.watched)))
-        return Question(name, "again", check.watched, claim=claim)
+        claim = " && ".join(f"([] <> {ATOM}{n})" for n in range(len(check.wanted)))
+        return Question(name, "again", check.wanted, claim=claim)
     if isinstance(check, NoDeadlock):
         return Question(name, "rest")
     if isinstance(check, Linear) and not stable:

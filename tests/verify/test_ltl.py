@@ -151,12 +151,26 @@ def test_every_check_says_the_same_of_what_several_can_judge(
     ("G (a -> F b)", ()), ("G (b & !b -> F a)", ("b & !b is never true",)),
     ("G F (a | n = 2)", ("it holds whatever n = 2 is",)),
     ("G (a -> F[0ns,3ns] b)", ()), ("G (n = 2 -> F[0ns,3ns] a)", ("n = 2 is never true",)),
-    ("!b W a | G F n = 2", ("it holds whatever G F n = 2 is",))])
+    ("!b W a | G F n = 2", ("it holds whatever G F n = 2 is",)),
+    ("n = 1 -> F n = 2", ("it holds whatever F n = 2 is",)),
+    ("G F (n = 1 -> b)", ("it holds whatever b is",))])
 def test_parts_that_do_not_matter_are_told(text: str, idle: tuple[str, ...]) -> None:
     loop = Written([{"a": False, "b": False, "n": 0}, {"a": True, "b": False, "n": 1},
                     {"a": False, "b": True, "n": 0}],
                    [[Way("a", 1, 1)], [Way("a", 1, 2)], [Way("a", 1, 0)]], [frozenset()] * 3)
     finding, _ = judged(loop, parse_formula(text))
+    assert (finding.verdict, finding.vacuous_in) == ("holds", idle)
+
+
+@pytest.mark.parametrize(("text", "idle"), [
+    ("G F a", ()), ("G F (a & n = 1)", ()), ("G F (a | n = 2)", ("it holds whatever n = 2 is",)),
+    ("G F b & G F (b | a)", ("it holds whatever b is", "it holds whatever a is")),
+    ("G F (n = 1 -> b)", ("it holds whatever b is",))])
+def test_parts_that_need_not_come_again_are_told(text: str, idle: tuple[str, ...]) -> None:
+    loop = Written([{"a": False, "b": False, "n": 0}, {"a": True, "b": False, "n": 1},
+                    {"a": False, "b": True, "n": 0}],
+                   [[Way("a", 1, 1)], [Way("a", 1, 2)], [Way("a", 1, 0)]], [frozenset()] * 3)
+    finding, _ = judged(loop, parse_formula(text), Recurrence.of)
     assert (finding.verdict, finding.vacuous_in) == ("holds", idle)
 
 
