@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from plant_sim.abstraction import Abstraction, AbstractionError, load_abstraction
+from plant_sim.abstraction import ABSTRACTIONS, Abstraction, AbstractionError, load_abstraction
 from plant_sim.linear_automaton import AutomatonError
 from plcemu.base.errors import CompileError, UnknownNameError
 from plcemu.io.mapping import Point
@@ -39,7 +39,9 @@ def make_abstraction(config: Config) -> Abstraction:
     try:
         return load_abstraction(name, parameters)
     except (AbstractionError, AutomatonError) as problem:
-        raise config.mistake(("verify",), problem) from None
+        hint = "" if name in ABSTRACTIONS or ":" in name else (
+            f", or {FREE_INPUTS}: every input may change at any time")
+        raise config.mistake(("verify",), f"{problem}{hint}") from None
 
 
 def load_demands(config: Config, names: list[str] | None = None) -> list[Property]:

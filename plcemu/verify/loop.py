@@ -84,8 +84,8 @@ class ClosedLoop:
                  fairness: Fairness = "weak", together: bool = True) -> None:
         if merge == "stable" and machine.has_clocks:
             raise PlcemuError("the program reads timers or step times, so time matters between "
-                              "two events of the plant: verify every scan (merge: none), or with "
-                              "a timed model")
+                              "two events of the plant: verify in time (merge: timed), or every "
+                              "scan (merge: none)")
         self.machine, self.plant = machine, plant
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.merge, self.cycle_ns = merge, cycle_ns

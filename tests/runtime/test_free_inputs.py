@@ -114,3 +114,12 @@ lamp := i1 OR hand; END_PROGRAM""")
     assert result.proofs[0].finding.verdict == verdict
     assert ("nothing writes the inputs MAIN.hand (%IX7.0): they stay as at the start"
             in result.cuts) == (verdict == "holds")
+
+
+def test_a_plant_without_an_abstraction_is_told_what_there_is(tmp_path):
+    (tmp_path / "p.st").write_text(PUMP)
+    (tmp_path / "config.yaml").write_text(
+        "program: p.st\nplant: {model: conveyor}\nverify: {abstraction: conveyor}\n")
+
+    with pytest.raises(ConfigError, match="conveyor has no abstraction.*, or free_inputs: every"):
+        make_prover(load_config(tmp_path))
