@@ -23,9 +23,9 @@ from pathlib import Path
 from plcemu.runtime.config import load_config
 from plcemu.runtime.scheduling import Scheduler
 from plcemu.runtime.verification import make_prover
-from plcemu.verify.certificate import flaw_in
 from plcemu.verify.explore import explore, used_mb
-from plcemu.verify.schedule import TimedGraph, least_period
+from plcemu.verify.schedules.certificate import flaw_in
+from plcemu.verify.schedules.schedule import TimedGraph, least_period
 
 BATCH = Path(__file__).parents[1] / "il_programs" / "batch_plant"
 

@@ -18,9 +18,9 @@ from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import Config, ConfigText
 from plcemu.runtime.variation import Variation, VariationError
 from plcemu.runtime.wiring import make_coupling, make_plant, make_resource
-from plcemu.verify.controller import ProgramController
-from plcemu.verify.hybrid import Cyclic, Reached, reach
-from plcemu.verify.polyhedra import Bounds
+from plcemu.verify.hybrid.controller import ProgramController
+from plcemu.verify.hybrid.polyhedra import Bounds
+from plcemu.verify.hybrid.reach import Cyclic, Reached, reach
 
 FEW = 64
 """Values of a study up to which no further processes are started."""

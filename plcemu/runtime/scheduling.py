@@ -20,13 +20,13 @@ from plcemu.base.errors import ConfigError, PlcemuError
 from plcemu.lang.compile import compile_program
 from plcemu.runtime.config import Config
 from plcemu.runtime.wiring import make_coupling, make_resource
-from plcemu.verify.certificate import flaw_in
 from plcemu.verify.cone import cone_of
-from plcemu.verify.controlled import run_controlled
-from plcemu.verify.emit import orders, program_for
 from plcemu.verify.loop import ClosedLoop
 from plcemu.verify.machine import ScanMachine, place_of
-from plcemu.verify.schedule import (
+from plcemu.verify.schedules.certificate import flaw_in
+from plcemu.verify.schedules.controlled import run_controlled
+from plcemu.verify.schedules.emit import orders, program_for
+from plcemu.verify.schedules.schedule import (
     Certificate,
     Taken,
     TimedGraph,

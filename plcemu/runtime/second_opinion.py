@@ -12,9 +12,9 @@ from typing import Any
 from plcemu.base.errors import PlcemuError
 from plcemu.verify.check import HOLDS, INCONCLUSIVE
 from plcemu.verify.explore import Limits
-from plcemu.verify.promela import PromelaModel
+from plcemu.verify.promela.model import PromelaModel
+from plcemu.verify.promela.spin import Answer, Costs, Spin, tool
 from plcemu.verify.prove import NO_FAULT, Prover, Result
-from plcemu.verify.spin import Answer, Costs, Spin, tool
 
 STARTS = 100
 """Initial states that SPIN is asked about one by one; of more, only about all together."""

@@ -17,7 +17,7 @@ from plcemu.runtime.free_inputs import FREE_INPUTS, all_inputs, free_inputs, is_
 from plcemu.runtime.wiring import make_coupling, make_resource
 from plcemu.verify.check import is_plain
 from plcemu.verify.explore import Limits
-from plcemu.verify.promela_plant import RecordedPlant
+from plcemu.verify.promela.plant import RecordedPlant
 from plcemu.verify.prove import Prover
 
 

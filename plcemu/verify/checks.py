@@ -7,7 +7,7 @@ from collections.abc import Callable
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoDeadlock, Reachable, Recurrence
 from plcemu.verify.ctl import Branching
-from plcemu.verify.ltl import Linear
+from plcemu.verify.ltl.check import Linear
 
 CHECKS: list[Callable[[Formula], Check | None]] = [
     Invariant.of, Reachable.of, Recurrence.of, NoDeadlock.of, Branching.of, Linear.of]

@@ -31,8 +31,8 @@ from plcemu.verify.check import (
     negated,
 )
 from plcemu.verify.fair import Lasso, Step, run_to, way
-from plcemu.verify.linear import units
 from plcemu.verify.loop import Merge
+from plcemu.verify.ltl.linear import units
 from plcemu.verify.vacuity import idle_parts
 
 _LOGIC = ("!", "&", "|", "->", "<->", "xor")

@@ -9,7 +9,7 @@ A state is the memory block (what matters of it) and the plant's state. Two ways
 * `merge="none"`: a state after every scan; in each the plant may do nothing or something, and the
   time of a cycle passes in timers. Nothing is assumed.
 
-A third one, `merge="timed"`, is in `plcemu.verify.timed`.
+A third one, `merge="timed"`, is in `plcemu.verify.timed.loop`.
 """
 
 from __future__ import annotations

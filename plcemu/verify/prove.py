@@ -35,10 +35,10 @@ from plcemu.verify.loop import ClosedLoop, Fairness, Merge
 from plcemu.verify.machine import ScanMachine, place_of
 from plcemu.verify.path import Path, path_of
 from plcemu.verify.predicates import Predicates
-from plcemu.verify.timed import TimedLoop
-from plcemu.verify.timed_checks import reads_time, suited
-from plcemu.verify.timed_path import timed_path_of
-from plcemu.verify.timing import Time, grounds, timed_loop
+from plcemu.verify.timed.checks import reads_time, suited
+from plcemu.verify.timed.loop import TimedLoop
+from plcemu.verify.timed.path import timed_path_of
+from plcemu.verify.timed.timing import Time, grounds, timed_loop
 
 _FACT_TYPES = {"bool": "BOOL", "int": "LINT", "real": "LREAL"}
 NO_FAULT = "no_fault"
@@ -115,7 +115,7 @@ class Prover:
         frozen: while this state formula holds, the plant does nothing; None if it always may.
         fairness: see `plcemu.verify.loop`.
         together: whether many steps are made at once; if not, one after the other, as is readable.
-        time: how time is kept with `merge="timed"`; see `plcemu.verify.timing`.
+        time: how time is kept with `merge="timed"`; see `plcemu.verify.timed.timing`.
 
     Raises:
         CompileError: a property names what does not exist, or mixes up types.

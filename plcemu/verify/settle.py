@@ -22,7 +22,7 @@ class State(NamedTuple):
         plant: the plant's state.
         seen: bit n is set if the watched formula n held in a scan of the step that led here.
         fault: why the program stopped; else empty.
-        clocks: where time is kept, the values of clocks; see `plcemu.verify.timed`.
+        clocks: where time is kept, the values of clocks; see `plcemu.verify.timed.loop`.
     """
 
     memory: bytes

@@ -16,8 +16,8 @@ from plcemu.base.errors import ProgramFault
 from plcemu.engine.interpreter import Interpreter
 from plcemu.ir.ops import STRUCT_CODES
 from plcemu.ir.program import Program
-from plcemu.verify.promela_code import Cell, Cells, ScanWriter
-from plcemu.verify.promela_ops import number
+from plcemu.verify.promela.code import Cell, Cells, ScanWriter
+from plcemu.verify.promela.operations import number
 
 BUDGET = 2_000
 

@@ -18,7 +18,7 @@ from plcemu.lang.compile import compile_program
 from plcemu.monitor import parse_properties
 from plcemu.runtime.second_opinion import Opinion, ask_spin
 from plcemu.verify.explore import Limits
-from plcemu.verify.promela_plant import RecordedPlant
+from plcemu.verify.promela.plant import RecordedPlant
 from plcemu.verify.prove import Prover, Result
 
 

@@ -16,7 +16,7 @@ from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Evidence, Finding
 from plcemu.verify.explore import Limits, explore
 from plcemu.verify.loop import State
-from plcemu.verify.ltl import Linear
+from plcemu.verify.ltl.check import Linear
 
 
 @dataclass(frozen=True)

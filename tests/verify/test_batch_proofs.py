@@ -18,7 +18,7 @@ from plcemu.base.trace import Frame
 from plcemu.monitor import Suite, parse_properties
 from plcemu.runtime.verification import make_prover
 from plcemu.verify.prove import Proof
-from plcemu.verify.schedule import TimedGraph, least_period
+from plcemu.verify.schedules.schedule import TimedGraph, least_period
 
 
 def proved(*overrides: str, names: list[str] | None = None) -> dict[str, Proof]:

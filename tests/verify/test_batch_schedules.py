@@ -15,7 +15,7 @@ from plant_sim.batch_plant.parameters import BatchParameters
 from plant_sim.batch_plant.processes import PROCESSES, conflicts
 from plant_sim.batch_plant.protocol import Protocol
 from plcemu.runtime.scheduling import Best, Scheduler
-from plcemu.verify.schedule import TimedGraph, earliest, least_period
+from plcemu.verify.schedules.schedule import TimedGraph, earliest, least_period
 
 WHOLE = {0: None, 1: 3800, 2: 2060, 3: 2060, 4: 2060, 5: 2060, 6: 2060, 7: 3140, 8: None}
 HALF = {(0.5, "solution"): None, (0.5, "water"): None, (1.5, "solution"): 3180,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from plcemu.lang.compile import compile_program
-from plcemu.verify.clocks import Lookout, lookout
 from plcemu.verify.cone import cone_of
+from plcemu.verify.timed.clocks import Lookout, lookout
 
 MS = 1_000_000
 S = 1_000 * MS

@@ -13,8 +13,8 @@ from plcemu.monitor.formula import Binary, Formula, Literal, TagRef, Unary
 from plcemu.verify.check import Evidence
 from plcemu.verify.ctl import Branching, Model, core, is_ctl
 from plcemu.verify.explore import explore
-from plcemu.verify.linear import units
 from plcemu.verify.loop import State
+from plcemu.verify.ltl.linear import units
 
 
 def read(text: str) -> Formula:

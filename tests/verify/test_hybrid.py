@@ -18,8 +18,8 @@ from plant_sim.linear_automaton import (
     objective,
     transition,
 )
-from plcemu.verify.hybrid import Cyclic, Values, reach
-from plcemu.verify.polyhedra import Bounds
+from plcemu.verify.hybrid.polyhedra import Bounds
+from plcemu.verify.hybrid.reach import Cyclic, Values, reach
 
 F = Fraction
 

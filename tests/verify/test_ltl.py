@@ -21,7 +21,7 @@ from plcemu.monitor.formula import Binary, Formula, Interval, Literal, Unary, wa
 from plcemu.monitor.linear import on_one_run
 from plcemu.verify.check import Check, Finding, Invariant, Recurrence
 from plcemu.verify.ctl import Branching
-from plcemu.verify.ltl import Linear
+from plcemu.verify.ltl.check import Linear
 from plcemu.verify.path import Path
 from plcemu.verify.prove import Prover
 

@@ -17,7 +17,7 @@ from plcemu.base.errors import CompileError
 from plcemu.ir.ops import STRUCT_CODES, VALUE_OPS
 from plcemu.ir.program import Function, Instr
 from plcemu.lang.compile import compile_program
-from plcemu.verify.promela_ops import WIDE
+from plcemu.verify.promela.operations import WIDE
 
 SAID = [op for op, row in VALUE_OPS.items()
         if not {*row.pops, row.pushes} & set(WIDE)]

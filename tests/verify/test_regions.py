@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from plant_sim.linear import Constraint, Term, parse_constraints, parse_term
-from plcemu.verify.polyhedra import Polyhedron
-from plcemu.verify.zones import NotAZone, Scale, Zone, difference
+from plcemu.verify.hybrid.polyhedra import Polyhedron
+from plcemu.verify.hybrid.zones import NotAZone, Scale, Zone, difference
 
 NAMES = ("x", "y", "z")
 SMALL = st.integers(-4, 4)

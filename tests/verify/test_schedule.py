@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from verify_toys import Hop, Hops, hops, least_ratio
 
-from plcemu.verify.certificate import flaw_in
-from plcemu.verify.schedule import TimedGraph, earliest, least_period, turned, way_into
+from plcemu.verify.schedules.certificate import flaw_in
+from plcemu.verify.schedules.schedule import TimedGraph, earliest, least_period, turned, way_into
 
 TWO_LOOPS = Hops({0: [Hop(("slow",), 5, 1, 1), Hop(("fast",), 3, 1, 2)],
                   1: [Hop((), 5, 1, 1)], 2: [Hop((), 9, 2, 3)], 3: [Hop((), 3, 1, 2)]})

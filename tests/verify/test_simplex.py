@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from plcemu.verify.simplex import is_feasible
+from plcemu.verify.hybrid.simplex import is_feasible
 
 SMALL = st.integers(-6, 6)
 

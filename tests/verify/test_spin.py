@@ -17,7 +17,7 @@ from plcemu.runtime.config import load_config
 from plcemu.runtime.second_opinion import Opinion, Row, ask_spin
 from plcemu.runtime.verification import make_prover
 from plcemu.verify.explore import Limits
-from plcemu.verify.promela_code import NoPromela
+from plcemu.verify.promela.code import NoPromela
 
 
 @pytest.fixture(autouse=True)

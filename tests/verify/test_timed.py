@@ -17,9 +17,9 @@ from plcemu.monitor import parse_properties
 from plcemu.verify.explore import Graph, Limits, explore, terminal
 from plcemu.verify.loop import DoesNotSettle
 from plcemu.verify.prove import Prover
-from plcemu.verify.timed import IntegerTime, TimedLoop
-from plcemu.verify.timing import Time, timed_loop
-from plcemu.verify.zone_time import ZoneTime
+from plcemu.verify.timed.loop import IntegerTime, TimedLoop
+from plcemu.verify.timed.timing import Time, timed_loop
+from plcemu.verify.timed.zones import ZoneTime
 
 RANDOM = settings(max_examples=30, deadline=None,
                   suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])

@@ -12,9 +12,9 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from plant_sim.linear import Constraint, Constraints, Term
+from plcemu.verify.hybrid.zones import Scale, Zone
 from plcemu.verify.loop import State
-from plcemu.verify.timed import Entry, Happens, Limits, Place, TimedLoop
-from plcemu.verify.zones import Scale, Zone
+from plcemu.verify.timed.loop import Entry, Happens, Limits, Place, TimedLoop
 
 _ONE = (Fraction(1), Fraction(1))
 _ZERO = (Fraction(0), Fraction(0))

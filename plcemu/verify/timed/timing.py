@@ -17,11 +17,11 @@ from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
 from plcemu.ir.program import Program
-from plcemu.verify.clocks import lookout
 from plcemu.verify.loop import Fairness
 from plcemu.verify.machine import ScanMachine
-from plcemu.verify.timed import IntegerTime, TimedLoop
-from plcemu.verify.zone_time import ZoneTime
+from plcemu.verify.timed.clocks import lookout
+from plcemu.verify.timed.loop import IntegerTime, TimedLoop
+from plcemu.verify.timed.zones import ZoneTime
 
 Time = Literal["auto", "integer", "zones"]
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from plcemu.monitor.formula import Binary, Formula, Unary
 from plcemu.verify.check import is_plain
-from plcemu.verify.promela_code import NoPromela
+from plcemu.verify.promela.code import NoPromela
 
 ATOM = "atom_"
 """Stands before the number of a state formula in a written formula."""

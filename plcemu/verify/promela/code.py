@@ -19,7 +19,7 @@ from plcemu.base.types import type_of
 from plcemu.ir.ops import SIZES, STRUCT_CODES, VALUE_OPS, overrun
 from plcemu.ir.ops import Fault as OpFault
 from plcemu.ir.program import Function, Instr, Program
-from plcemu.verify.promela_ops import WIDE, Host, Term, number, operate, unsaid
+from plcemu.verify.promela.operations import WIDE, Host, Term, number, operate, unsaid
 
 CANDIDATES = 256
 """Cells that an element at a computed index may be."""

@@ -8,12 +8,12 @@ from plcemu.base.errors import PlcemuError
 from plcemu.engine.resource import Resource
 from plcemu.io.mapping import Point
 from plcemu.verify.cone import cone_of
-from plcemu.verify.hybrid import Values
+from plcemu.verify.hybrid.reach import Values
 from plcemu.verify.machine import ScanMachine, place_of
 
 
 class ProgramController:
-    """Scans of a program, for `plcemu.verify.hybrid.reach`.
+    """Scans of a program, for `plcemu.verify.hybrid.reach.reach`.
 
     What a program does in a scan depends on memory and inputs alone; each pair is scanned once.
 

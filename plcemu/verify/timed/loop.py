@@ -1,14 +1,14 @@
 """The closed loop in time: the real scan and a plant with clocks, a closed timed automaton.
 
 A *place* is the memory block at rest and the plant's discrete state. Clocks are those of the plant,
-and the elapsed times that the program compares with constants (`plcemu.verify.clocks`). Of such a
-clock memory only keeps the class: between which two of its thresholds it is. A stand-in of the
-class stands in the clock cell, so that the real scan gives the answers it always gives.
+and the elapsed times that the program compares with constants (`plcemu.verify.timed.clocks`). Of
+such a clock memory only keeps the class: between which two of its thresholds it is. A stand-in of
+the class stands in the clock cell, so that the real scan gives the answers it always gives.
 
 At one instant anything that is possible may happen, in any order or together, each time followed by
 the scans up to the rest: an action of the plant, or that a clock's threshold is noticed, which must
 be before time passes beyond it. Scans take no time. `IntegerTime` lets time pass by whole units,
-`plcemu.verify.zone_time` by any amount.
+`plcemu.verify.timed.zones` by any amount.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from plant_sim.linear_automaton import AutomatonError
 from plcemu.base.errors import PlcemuError
 from plcemu.base.time import format_duration
 from plcemu.io.mapping import Point
-from plcemu.verify.clocks import Clock, Lookout
 from plcemu.verify.loop import ClosedLoop, Fairness, FinitePlant, State, Trail, nothing_watched
 from plcemu.verify.machine import ScanMachine
+from plcemu.verify.timed.clocks import Clock, Lookout
 
 _CELL = struct.Struct("<qq")
 

@@ -38,7 +38,8 @@ from plcemu.monitor.formula import (
     walk,
 )
 from plcemu.monitor.linear import looks_back
-from plcemu.verify.buchi import (
+from plcemu.verify.check import negated
+from plcemu.verify.ltl.buchi import (
     BOTTOM,
     TOP,
     Tree,
@@ -49,7 +50,6 @@ from plcemu.verify.buchi import (
     release,
     until,
 )
-from plcemu.verify.check import negated
 
 FIRST = TagRef("the first instant of a scan")
 """An input of observers: true in the first ns of every scan."""

@@ -18,8 +18,8 @@ from typing import NamedTuple, Protocol
 from plant_sim.linear import Constraint, Constraints, Term
 from plant_sim.linear_automaton import Automaton, AutomatonError, Interval, Location, Transition
 from plcemu.base.errors import LimitError
-from plcemu.verify.polyhedra import Bounds
-from plcemu.verify.regions import Region, region_maker
+from plcemu.verify.hybrid.polyhedra import Bounds
+from plcemu.verify.hybrid.regions import Region, region_maker
 
 STATE_LIMIT = 200_000
 """Symbolic states that one exploration may keep unless it is told otherwise."""

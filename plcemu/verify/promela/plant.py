@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from plcemu.io.mapping import Point
 from plcemu.verify.loop import IDLE, FinitePlant
-from plcemu.verify.promela_code import NoPromela
+from plcemu.verify.promela.code import NoPromela
 
 NOWHERE, FREE = 0, 0
 """The state before the start; the process that does what no fairness demands."""

@@ -11,8 +11,8 @@ from plcemu.base.types import StringType, type_of
 from plcemu.monitor.bind import Binder
 from plcemu.monitor.formula import Binary, Call, Formula, Literal, TagRef, Unary, children
 from plcemu.verify.predicates import Predicates
-from plcemu.verify.promela_code import Cells, NoPromela
-from plcemu.verify.promela_ops import LARGEST
+from plcemu.verify.promela.code import Cells, NoPromela
+from plcemu.verify.promela.operations import LARGEST
 
 _INFIX = {"&": "&&", "|": "||", "<->": "==", "xor": "!=", "=": "==", "!=": "!=", "<": "<",
           "<=": "<=", ">": ">", ">=": ">=", "+": "+", "-": "-", "*": "*", "MOD": "%"}

@@ -1,8 +1,8 @@
 """The closed loop as a Promela model, so that SPIN can judge what our own checker has judged.
 
-The program is translated from its compiled code (`promela_code`), not from the states that our
+The program is translated from its compiled code (`code`), not from the states that our
 checker found: SPIN executes the scans itself. The finite plant comes as tables
-(`promela_plant`). A step of the model is a step of `plcemu.verify.loop`: something happens in the
+(`plant`). A step of the model is a step of `plcemu.verify.loop`: something happens in the
 plant, then scans follow until program and plant rest (`merge: stable`), or one scan
 (`merge: none`). What must never be seen in a scan is an assertion there; what must be seen again
 and again is noted in a bit for each step, of which an LTL formula speaks.
@@ -19,12 +19,12 @@ from plcemu.base.errors import PlcemuError
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoDeadlock, Reachable, Recurrence, StateGraph
 from plcemu.verify.cone import cone_of
-from plcemu.verify.ltl import Linear
+from plcemu.verify.ltl.check import Linear
 from plcemu.verify.machine import place_of
-from plcemu.verify.promela_code import Cell, Cells, NoPromela, ScanWriter
-from plcemu.verify.promela_formula import FormulaWriter
-from plcemu.verify.promela_ltl import ATOM, ltl_of
-from plcemu.verify.promela_plant import FREE, PlantTables, RecordedPlant
+from plcemu.verify.promela.claims import ATOM, ltl_of
+from plcemu.verify.promela.code import Cell, Cells, NoPromela, ScanWriter
+from plcemu.verify.promela.formula import FormulaWriter
+from plcemu.verify.promela.plant import FREE, PlantTables, RecordedPlant
 from plcemu.verify.prove import NO_FAULT, Prover
 from plcemu.verify.settle import SETTLES_WITHIN
 

@@ -9,8 +9,8 @@ from typing import Protocol, Self
 
 from plant_sim.linear import Constraint, Constraints, Term
 from plant_sim.linear_automaton import Automaton, Interval
-from plcemu.verify.polyhedra import Bounds, Polyhedron
-from plcemu.verify.zones import NotAZone, Scale, Zone, difference
+from plcemu.verify.hybrid.polyhedra import Bounds, Polyhedron
+from plcemu.verify.hybrid.zones import NotAZone, Scale, Zone, difference
 
 VARIABLE_LIMIT = 8
 """Variables of an automaton; the cost of exact polyhedra grows steeply with them."""

@@ -20,7 +20,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from plcemu.monitor.formula import Formula
-from plcemu.verify.buchi import SATISFIED, Automaton
 from plcemu.verify.check import (
     HOLDS,
     INCONCLUSIVE,
@@ -32,7 +31,9 @@ from plcemu.verify.check import (
 )
 from plcemu.verify.explore import Graph, backwards, explore
 from plcemu.verify.fair import Lasso, Step, fair_components, lasso, run_to
-from plcemu.verify.linear import (
+from plcemu.verify.loop import Idle, Merge
+from plcemu.verify.ltl.buchi import SATISFIED, Automaton
+from plcemu.verify.ltl.linear import (
     FIRST,
     Translation,
     Unfit,
@@ -42,8 +43,7 @@ from plcemu.verify.linear import (
     unfit,
     units,
 )
-from plcemu.verify.loop import Idle, Merge
-from plcemu.verify.observer import ENDLESS, Memory, Observer
+from plcemu.verify.ltl.observer import ENDLESS, Memory, Observer
 from plcemu.verify.vacuity import idle_parts
 
 STAY = Idle()

@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 from plant_sim.linear import Constraint, Constraints, Term
 from plant_sim.linear_automaton import Interval
 from plcemu.base.errors import LimitError
-from plcemu.verify.simplex import Inequality, is_feasible
+from plcemu.verify.hybrid.simplex import Inequality, is_feasible
 
 ROW_LIMIT = 5_000
 """Rows that one elimination may make."""

@@ -27,9 +27,9 @@ from plcemu.verify.explore import Graph, Limits
 from plcemu.verify.fair import Lasso, Step
 from plcemu.verify.loop import ClosedLoop, State
 from plcemu.verify.path import Path, path_of
-from plcemu.verify.promela import PromelaModel, Question, claim_of, nfair
-from plcemu.verify.promela_ltl import holds_on
-from plcemu.verify.promela_plant import REST, Begin, Move
+from plcemu.verify.promela.claims import holds_on
+from plcemu.verify.promela.model import PromelaModel, Question, claim_of, nfair
+from plcemu.verify.promela.plant import REST, Begin, Move
 from plcemu.verify.prove import Prover
 
 DEPTHS = (10_000, 1_000_000, 20_000_000)

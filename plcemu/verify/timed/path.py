@@ -24,7 +24,7 @@ from plcemu.verify.fair import Lasso
 from plcemu.verify.loop import ClosedLoop, State
 from plcemu.verify.path import Path, Row, row_of
 from plcemu.verify.predicates import Predicates
-from plcemu.verify.timed import Happens, Passes, TimedLoop
+from plcemu.verify.timed.loop import Happens, Passes, TimedLoop
 
 SCANS_LIMIT = 200_000
 """Scans of a path; a longer one is shown without those in which nothing happens."""

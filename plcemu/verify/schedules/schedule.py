@@ -4,7 +4,7 @@ The long-run time per batch of a schedule that repeats itself is a ratio: the un
 cycle by the batches that start on it. The least ratio over all cycles is found exactly, in whole
 numbers: for a ratio p/q, a cycle of the weights q·units - p·batches below 0 is a better one; if
 there is none, shortest distances under these weights are *potentials* that prove it (Lawler, 1967).
-`plcemu.verify.certificate` checks such a proof knowing nothing of how it was found.
+`plcemu.verify.schedules.certificate` checks such a proof knowing nothing of how it was found.
 """
 
 from __future__ import annotations

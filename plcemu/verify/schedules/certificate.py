@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import TypeVar
 
-from plcemu.verify.schedule import Certificate
+from plcemu.verify.schedules.schedule import Certificate
 from plcemu.verify.system import Timed
 
 S = TypeVar("S", bound=Hashable)

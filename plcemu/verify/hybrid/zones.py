@@ -17,7 +17,7 @@ from typing import Self
 
 from plant_sim.linear import Constraint, Constraints, Term
 from plant_sim.linear_automaton import Interval
-from plcemu.verify.polyhedra import Bounds, Polyhedron
+from plcemu.verify.hybrid.polyhedra import Bounds, Polyhedron
 
 Bound = tuple[int, int, int]
 """First clock, second clock, encoded bound of their difference."""

@@ -68,7 +68,7 @@ def unsaid(machine: str, why: str) -> Term:
 
 
 class Host:
-    """What the writer of statements does for operations; see `promela_code`."""
+    """What the writer of statements does for operations; see `code`."""
 
     def plain(self, term: Term) -> Term:
         """Return the value as a name or a number, put into a variable if need be."""

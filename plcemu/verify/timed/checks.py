@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from plcemu.monitor.formula import Formula
 from plcemu.verify.check import Check, Invariant, NoCheck, NoDeadlock, Reachable
-from plcemu.verify.clocks import clock_names
 from plcemu.verify.predicates import Predicates
-from plcemu.verify.timed import TimedLoop
-from plcemu.verify.zone_time import ZoneTime
+from plcemu.verify.timed.clocks import clock_names
+from plcemu.verify.timed.loop import TimedLoop
+from plcemu.verify.timed.zones import ZoneTime
 
 _CELL_BYTES = 16
 

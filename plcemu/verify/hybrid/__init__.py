@@ -1,0 +1,1 @@
+"""Exact reachability of linear hybrid automata: regions with rational bounds."""

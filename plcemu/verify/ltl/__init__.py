@@ -1,0 +1,1 @@
+"""Linear temporal logic: formulas as automata and observers that go along with a run."""

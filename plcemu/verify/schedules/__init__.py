@@ -1,0 +1,1 @@
+"""Best schedules with certificates, what a controller makes of them, and programs for them."""

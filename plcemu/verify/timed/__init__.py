@@ -1,0 +1,1 @@
+"""Proofs in time: program and plant with clocks, in whole units or in zones."""
