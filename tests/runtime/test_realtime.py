@@ -28,11 +28,13 @@ def slack_ns():
 
 
 def test_by_default_only_timer_slack_and_collector_change_and_both_are_undone():
-    before = (slack_ns(), gc.get_freeze_count(), os.sched_getscheduler(0))
+    before, frozen = (slack_ns(), os.sched_getscheduler(0)), gc.get_freeze_count()
     with real_time(settings()) as warnings:
-        inside = (slack_ns(), gc.get_freeze_count() > 0, os.sched_getscheduler(0))
-    assert (warnings, inside) == ([], (1, True, before[2]))
-    assert (slack_ns(), gc.get_freeze_count(), os.sched_getscheduler(0)) == before
+        inside = (slack_ns(), os.sched_getscheduler(0))
+        assert gc.get_freeze_count() > frozen  # Python 3.12 itself begins with some
+    assert (warnings, inside) == ([], (1, before[1]))
+    assert (slack_ns(), os.sched_getscheduler(0)) == before
+    assert gc.get_freeze_count() <= frozen
 
 
 def test_the_timer_slack_is_the_one_asked_for():
