@@ -92,7 +92,7 @@ def main() -> None:
     print("SPIN, one model for all loads:")
     told = chain([opinion])
     report("SPIN's chain, one model", told)
-    asked = {r.name for r in opinion.rows} - {NO_FAULT}
+    asked = {r.name for r in opinion.rows if r.asked} - {NO_FAULT}
     same = ours("--set", "initial=loads",
                 *(option for name in sorted(asked) for option in ("--property", name)))
     report("plcemu verify, all loads, the same questions", same)
