@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
 
@@ -162,11 +162,17 @@ class Parameters:
         return tuple(_named(row, name) for name, row in rows)
 
     @classmethod
-    def of(cls, values: Mapping[str, object]) -> Self:
-        """The set with these values and defaults elsewhere. Raises ParameterError."""
-        known = [row.name for row in cls.table()]
+    def of(cls, values: Mapping[str, object], besides: Iterable[str] = ()) -> Self:
+        """The set with these values and defaults elsewhere. Raises ParameterError.
+
+        Args:
+            values: by name.
+            besides: names of others that may be meant by one that does not exist.
+        """
+        own = [row.name for row in cls.table()]
+        known = [*besides, *own]
         for name, found in values.items():
-            if name not in known:
+            if name not in own:
                 raise ParameterError(name, found, f"a known parameter: {_suggest(name, known)}")
         return cls(**values)
 

@@ -90,7 +90,8 @@ class EvaporatorAbstraction(TimedNetwork):
         own = {row.name for row in Durations.table()}
         try:
             durations = Durations.of({k: v for k, v in parameters.items() if k in own})
-            plant = EvaporatorParameters.of({k: v for k, v in parameters.items() if k not in own})
+            plant = EvaporatorParameters.of(
+                {k: v for k, v in parameters.items() if k not in own}, besides=sorted(own))
         except ParameterError as problem:
             raise AbstractionError(str(problem)) from None
         drain = torricelli_s(plant) if durations.drain == TORRICELLI else \

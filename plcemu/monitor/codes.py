@@ -11,6 +11,7 @@ CODES: dict[str, str] = {
     "M0004": "the interval {found} holds no instant",
     "M0005": "the operator {found} takes no interval",
     "M0006": "there are two properties {found}",
+    "M0007": "cannot read the file: {found}",
     "M0010": "{found}",
     "M0011": "{found} is a {kind}, expected a {expected}",
     "M0012": "{found} stands in ago, expected {expected}",

@@ -116,10 +116,17 @@ def load_properties(path: str | Path) -> list[Property]:
     """Read a `.prop` file.
 
     Raises:
-        CompileError: with every mistake found.
+        CompileError: with every mistake found, or it is no UTF-8 text.
         OSError: the file cannot be read.
     """
-    return parse_properties(Source(str(path), Path(path).read_text(encoding="utf-8")))
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as problem:
+        before = Source(str(path), problem.object[:problem.start].decode("utf-8-sig"))
+        end = Span(before, len(before.text), len(before.text))
+        raise CompileError([diagnostic("M0007", end, found="it is not UTF-8 text from here on")]
+                           ) from None
+    return parse_properties(Source(str(path), text))
 
 
 def _source(text: str | Source, name: str) -> Source:

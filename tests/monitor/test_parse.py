@@ -9,7 +9,7 @@ from monitor_strategies import intervals
 
 from plcemu.base.errors import CompileError
 from plcemu.base.time import NS_PER_S
-from plcemu.monitor import parse_formula, parse_properties
+from plcemu.monitor import load_properties, parse_formula, parse_properties
 from plcemu.monitor.formula import (
     FUNCTIONS,
     OPERATORS,
@@ -165,3 +165,17 @@ def test_all_mistakes_of_a_file_are_told_in_one_go() -> None:
     assert [(d.code, str(d.span)) for d in caught.value.diagnostics] == [
         ("M0001", "<properties>:1:6"), ("M0006", "<properties>:3:1"),
         ("M0001", "<properties>:4:1"), ("M0001", "<properties>:5:8")]
+
+
+def test_a_file_that_is_not_utf_8_is_told_with_the_place_where_it_ends_to_be(tmp_path) -> None:
+    path = tmp_path / "latin.prop"
+    path.write_bytes(b"first: G a\nsecond: G gr\xfcn\n")
+    with pytest.raises(CompileError) as caught:
+        load_properties(path)
+    assert f"{path}:2:13: M0007" in str(caught.value.diagnostics[0])
+
+
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path) -> None:
+    path = tmp_path / "windows.prop"
+    path.write_bytes(b"\xef\xbb\xbffirst: G a\n")
+    assert [p.name for p in load_properties(path)] == ["first"]

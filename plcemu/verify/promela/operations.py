@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from plcemu.ir.ops import FLOATS, INTEGERS, VALUE_OPS
 
@@ -67,16 +68,14 @@ def unsaid(machine: str, why: str) -> Term:
     return Term("", machine, why=why)
 
 
-class Host:
+class Host(Protocol):
     """What the writer of statements does for operations; see `code`."""
 
     def plain(self, term: Term) -> Term:
         """Return the value as a name or a number, put into a variable if need be."""
-        raise NotImplementedError
 
     def fault_if(self, condition: str, reason: str) -> None:
         """Stop the program where a condition holds."""
-        raise NotImplementedError
 
 
 def operate(name: str, operands: list[Term], host: Host) -> Term:
